@@ -1,0 +1,57 @@
+"""What the model says of one slice, in sensor pixels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class MovingObject:
+    """One independently moving object in one slice.
+
+    id:           kept over slices by overlap; 1 and up.
+    box:          x0, y0, x1, y1 in sensor px, the last column and row included.
+    area_px:      pixels of its mask.
+    centroid:     (x, y) in sensor px.
+    rel_distance: median relative depth over its mask.
+    rel_velocity: (3,) its velocity relative to the static world, camera axes, in mean depths per second.
+    """
+
+    id: int
+    box: tuple[int, int, int, int]
+    area_px: int
+    centroid: tuple[float, float]
+    rel_distance: float
+    rel_velocity: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The answer for one slice [start_us, stop_us), valid at its centre, in sensor pixels (H, W).
+
+    moving_probability: (H, W) float32, 0...1; the motion mask is where it exceeds 0.5.
+    ids:        (H, W) uint8, 0 is background, else `MovingObject.id`.
+    rel_depth:  (H, W) float32 along the optical axis, mean 1 over the rectified image.
+    flow:       (2, H, W) float32, image velocity on the plane Z = 1, in 1/s.
+    valid:      (H, W) bool, False where the lens has no rectified counterpart: the maps say nothing there.
+    ego:        (6,) the camera's twist relative to the static world, camera axes:
+                translation in mean depths per second, rotation in rad/s.
+    objects:    the moving objects of this slice.
+    """
+
+    t_us: int
+    start_us: int
+    stop_us: int
+    moving_probability: NDArray[np.float32]
+    ids: NDArray[np.uint8]
+    rel_depth: NDArray[np.float32]
+    flow: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    ego: NDArray[np.float64]
+    objects: tuple[MovingObject, ...]
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """The motion mask, (H, W)."""
+        return (self.moving_probability > 0.5) & self.valid

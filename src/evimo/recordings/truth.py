@@ -1,0 +1,41 @@
+"""What really happened at one instant, in sensor pixels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectTruth:
+    """One object at one instant, camera axes.
+
+    position: (3,) a point of the body, m, about which it turns.
+    velocity: (3,) of that point relative to the static world, m/s.
+    rotation: (3,) angular velocity relative to the static world, rad/s.
+    """
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Depth, ids and motion at t_us, in sensor pixels (H, W), lens included.
+
+    depth:   (H, W) float32, z in m.
+    valid:   (H, W) bool, where depth is known.
+    ids:     (H, W) uint8; 0 is static, else a key of `objects`.
+    clutter: (H, W) bool, static bodies drawn from the movers' own family of shapes and textures.
+    ego:     (6,) the camera's twist relative to the static world, camera axes, m/s and rad/s.
+    objects: id to motion, of the objects that exist (they may be out of view, or rest).
+    """
+
+    t_us: int
+    depth: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    ids: NDArray[np.uint8]
+    clutter: NDArray[np.bool_]
+    ego: NDArray[np.float64]
+    objects: dict[int, ObjectTruth]
