@@ -29,7 +29,7 @@ class Camera:
     fx, fy:        focal lengths, px.
     cx, cy:        principal point, px; column and row.
     height, width: of the sensor, px.
-    distortion:    `radtan`: k1 k2 p1 p2 and maybe k3 (OpenCV's order); `fisheye`: k1 k2 k3 k4 (OpenCV's fisheye, kalibr's
+    distortion:    `radtan`: k1 k2 p1 p2 and maybe k3 (OpenCV's order); `fisheye`: k1 k2 k3 k4 (OpenCV's, kalibr's
                    `equidistant`). Empty: a `radtan` camera is a pinhole, a `fisheye` one is exactly equidistant.
     lens:          which of the two models.
 
@@ -122,11 +122,10 @@ class Camera:
 
     def _turning_point(self) -> float:
         """The straight radius (fisheye: angle) where the bent radius stops growing; infinite if it never does."""
-        radial = self._radial()
-        slope = radial * (2 * np.arange(len(radial)) + 1)  # of r(1 + k1 r² + …), in powers of r²
-        roots = np.polynomial.polynomial.polyroots(np.trim_zeros(slope, "b"))
+        slope = np.trim_zeros(_slope(self._radial()), "b")
+        roots = np.asarray(np.roots(slope[::-1]), np.complex128)
         turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
-        first = math.sqrt(turns.min()) if len(turns) else math.inf
+        first = math.sqrt(float(turns.min())) if len(turns) else math.inf
         return min(first, WIDEST) if self.lens == "fisheye" else first
 
     def _bent(self, xy: F8) -> F8:
@@ -135,9 +134,8 @@ class Camera:
         if self.lens == "fisheye":
             radius = np.sqrt(squared)
             angle = np.arctan(radius)
-            bent = angle * np.polynomial.polynomial.polyval(angle**2, self._radial())
-            return xy * np.divide(bent, radius, out=np.ones_like(radius), where=radius > 0)
-        bent = xy * np.polynomial.polynomial.polyval(squared, self._radial())
+            return xy * _ratio(angle * _series(self._radial(), angle**2), radius)
+        bent = xy * _series(self._radial(), squared)
         if not any(self.distortion[2:4]):
             return bent
         p1, p2 = self.distortion[2:4]
@@ -146,33 +144,30 @@ class Camera:
 
     def _straightened_radius(self, bent: F8) -> F8:
         """Invert the radial part alone: a table of the rising branch, then Newton's method in one dimension."""
-        bent_radius = np.linalg.norm(bent, axis=-1)
-        powers = np.polynomial.polynomial.Polynomial(self._radial())
+        radial, bent_radius = self._radial(), np.linalg.norm(bent, axis=-1, keepdims=True)
         end = self._turning_point()
         if not math.isfinite(end):  # a rising polynomial without end: go as far as the widest pixel needs
-            end = 1.0
-            while end * powers(end**2) < bent_radius.max(initial=0):
+            end, widest = 1.0, float(bent_radius.max(initial=0))
+            while end * float(_series(radial, np.array(end**2))) < widest:
                 end *= 2
         steps = np.linspace(0, end, 4096)
-        radius = np.interp(bent_radius, steps * powers(steps**2), steps)
+        radius = np.asarray(np.interp(bent_radius, steps * _series(radial, steps**2), steps), np.float64)
         for _ in range(4):
-            slope = powers(radius**2) + 2 * radius**2 * powers.deriv()(radius**2)
-            step = (radius * powers(radius**2) - bent_radius) / np.where(slope > 1e-9, slope, np.inf)
-            radius = np.clip(radius - step, 0, end)
-        straight = np.tan(radius) if self.lens == "fisheye" else radius
-        return bent * np.divide(straight, bent_radius, out=np.ones_like(straight), where=bent_radius > 0)[..., None]
+            slope = _series(_slope(radial), radius**2)
+            step = (radius * _series(radial, radius**2) - bent_radius) / np.where(slope > 1e-9, slope, np.inf)
+            radius = np.minimum(np.maximum(radius - step, 0), end)
+        return bent * _ratio(np.tan(radius) if self.lens == "fisheye" else radius, bent_radius)
 
     def _newton(self, xy: F8, bent: F8) -> F8:
-        """Add the tangential part: Newton's method in two dimensions from the radial answer, kept on the rising branch."""
+        """Add the tangential part: Newton's method in two dimensions, kept on the rising branch."""
         if not any(self.distortion[2:4]):
             return xy
-        powers, slope = (poly := np.polynomial.polynomial.Polynomial(self._radial())), poly.deriv()
-        p1, p2 = self.distortion[2:4]
-        end = self._turning_point()
+        radial, (p1, p2), end = self._radial(), self.distortion[2:4], self._turning_point()
+        change_of = radial[1:] * np.arange(1, len(radial))  # the derivative after the squared radius
         for _ in range(20):
             x, y = xy[..., 0], xy[..., 1]
             squared = x * x + y * y
-            scale, change = powers(squared), 2 * slope(squared)
+            scale, change = _series(radial, squared), 2 * _series(change_of, squared)
             across = change * x * y + 2 * p1 * x + 2 * p2 * y  # d(bent x)/dy = d(bent y)/dx
             along_x = scale + change * x * x + 2 * p1 * y + 6 * p2 * x
             along_y = scale + change * y * y + 6 * p1 * y + 2 * p2 * x
@@ -201,3 +196,21 @@ def assumed_camera(size: tuple[int, int]) -> Camera:
     )
     focal_px = ASSUMED_FOCAL * width
     return Camera(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, height, width)
+
+
+def _series(coefficients: F8, at: F8) -> F8:
+    """c0 + c1 at + c2 at² + …, by Horner's rule."""
+    total = np.zeros_like(at)
+    for coefficient in coefficients[::-1]:
+        total = total * at + coefficient
+    return total
+
+
+def _slope(radial: F8) -> F8:
+    """Derivative after r of r (c0 + c1 r² + c2 r⁴ + …), as coefficients of 1, r², r⁴, …"""
+    return radial * (2 * np.arange(len(radial)) + 1)
+
+
+def _ratio(above: F8, below: F8) -> F8:
+    """Quotient of two radii; 1 in the middle of the image, where both are 0."""
+    return np.divide(above, below, out=np.ones_like(above), where=below > 0)
