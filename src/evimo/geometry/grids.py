@@ -1,0 +1,41 @@
+"""Where each pixel looks: normalised grids and the intrinsics of resized images, torch, exportable.
+
+Convention: integer coordinates are pixel centres; intrinsics are (fx, fy, cx, cy) in px; sizes are (height, width).
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+def pixel_grid(height: int, width: int, *, like: Tensor) -> Float[Tensor, "2 H W"]:
+    """Column and row of each pixel, px, on the device and in the dtype of `like`."""
+    y = torch.arange(height, device=like.device, dtype=like.dtype)
+    x = torch.arange(width, device=like.device, dtype=like.dtype)
+    return torch.stack((x.expand(height, width), y[:, None].expand(height, width)))
+
+
+def normalised_grid(intrinsics: Float[Tensor, "*batch 4"], height: int, width: int) -> Float[Tensor, "*batch 2 H W"]:
+    """(x, y) on the plane Z = 1 of each pixel of a pinhole image.
+
+    Args:
+        intrinsics: fx, fy, cx, cy in px, of this very image size.
+        height: rows of the image.
+        width: columns of the image.
+    """
+    focal_px, centre = intrinsics[..., :2, None, None], intrinsics[..., 2:, None, None]
+    return (pixel_grid(height, width, like=intrinsics) - centre) / focal_px
+
+
+def resized_intrinsics(
+    intrinsics: Float[Tensor, "*batch 4"], size: tuple[int, int], new_size: tuple[int, int]
+) -> Float[Tensor, "*batch 4"]:
+    """Intrinsics after the image was resized from `size` to `new_size`, both (height, width).
+
+    The true ratios of the sizes count, which differ by axis where a size was rounded; a scale of s moves the
+    principal point to s * (c + 1/2) - 1/2.
+    """
+    (height, width), (new_height, new_width) = size, new_size
+    fx, fy, cx, cy = intrinsics.unbind(-1)
+    by_x, by_y = new_width / width, new_height / height
+    return torch.stack((fx * by_x, fy * by_y, by_x * (cx + 0.5) - 0.5, by_y * (cy + 0.5) - 0.5), dim=-1)
