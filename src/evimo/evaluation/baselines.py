@@ -1,0 +1,83 @@
+"""The trivial answers: what a model must beat before its own scores mean anything (docs: learnability)."""
+
+from collections.abc import Iterable, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.evaluation.labels import LabelledSlice
+from evimo.evaluation.scores import (
+    Scores,
+    added,
+    depth_scores,
+    flow_scores,
+    mask_scores,
+    object_scores,
+    twist_scores,
+)
+from evimo.events.events import Events
+
+BOX_PX = 15
+THRESHOLDS: tuple[float, ...] = tuple(round(float(each), 3) for each in np.geomspace(0.5, 16, 21))
+DENSITY_THRESHOLD = 3.0
+"""Times the mean density of the frame."""
+
+ALL_BACKGROUND = "all background"
+EVERYTHING = "everything moves"
+DENSITY = "event density, threshold tuned elsewhere"
+DENSITY_ORACLE = "event density, oracle threshold"
+MEAN_DEPTH = "mean depth"
+ZERO_FLOW = "zero flow"
+ZERO_TWIST = "zero twist"
+
+
+def event_density(events: Events, size: tuple[int, int], *, box_px: int = BOX_PX) -> NDArray[np.float32]:
+    """(H, W) events in the box around each pixel over the mean of all pixels: 1 is average, all 0 without events.
+
+    The box ends at the border of the image, and its mean is over the pixels inside. Relative to the frame, because
+    how many events a sensor fires varies tenfold; that makes it the stronger baseline.
+    """
+    height, width = size
+    count = np.bincount(events.y.astype(np.int64) * width + events.x, minlength=height * width)
+    box = (box_px, box_px)
+    inside = cv2.blur(np.ones(size, np.float32), box, borderType=cv2.BORDER_CONSTANT)
+    density = cv2.blur(count.reshape(size).astype(np.float32), box, borderType=cv2.BORDER_CONSTANT) / inside
+    return (density / max(len(events) / (height * width), 1e-9)).astype(np.float32)
+
+
+def density_scores(sample: LabelledSlice, thresholds: Sequence[float]) -> dict[float, Scores]:
+    """Mask scores of "moving is where the event density exceeds the threshold", for each threshold."""
+    density = event_density(sample.events, sample.scored.shape)
+    return {threshold: mask_scores(density > threshold, sample) for threshold in thresholds}
+
+
+def best_threshold(scores: dict[float, Scores], *, by: str = "iou") -> float:
+    """The threshold with the highest score of that name; the lowest threshold where nothing was scored."""
+
+    def score_of(threshold: float) -> float:
+        score = scores[threshold].get(by)
+        return (score.value or 0.0) if score else 0.0
+
+    return max(sorted(scores), key=score_of)
+
+
+def tune_density_threshold(samples: Iterable[LabelledSlice], *, by: str = "iou") -> float:
+    """The best of `THRESHOLDS` on these slices, which must not be the ones evaluated: that would be an oracle."""
+    totals: dict[float, Scores] = {threshold: {} for threshold in THRESHOLDS}
+    for sample in samples:
+        totals = {key: added((totals[key], scores)) for key, scores in density_scores(sample, THRESHOLDS).items()}
+    return best_threshold(totals, by=by)
+
+
+def trivial_scores(sample: LabelledSlice) -> dict[str, Scores]:
+    """Scores of every answer that looks at no event, by the name of its row."""
+    nothing = np.zeros(sample.scored.shape, np.bool_)
+    standing = np.zeros((*sample.scored.shape, 3))
+    return {
+        ALL_BACKGROUND: mask_scores(nothing, sample),
+        EVERYTHING: mask_scores(~nothing, sample),
+        MEAN_DEPTH: depth_scores(np.ones(sample.scored.shape), sample),
+        ZERO_FLOW: flow_scores(np.zeros((2, *sample.scored.shape)), sample),
+        ZERO_TWIST: twist_scores(np.zeros(6), sample, metres=1.0) | object_scores(standing, sample, metres=1.0),
+    }

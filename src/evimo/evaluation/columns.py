@@ -1,0 +1,101 @@
+"""What each number of a report is: its header, its unit, which way is better, what exactly is measured."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a table; `name` is the score's name."""
+
+    name: str
+    header: str
+    better: Literal["higher", "lower"]
+    meaning: str
+    digits: int = 3
+    unit: str = ""
+
+
+COLUMNS: tuple[Column, ...] = (
+    Column("iou", "IoU", "higher", "dense, mean over frames in which something moves in sight"),
+    Column("iou_30px", "IoU ≥30px", "higher", "the same over frames with at least 30 moving pixels"),
+    Column("iou_pooled", "pooled IoU", "higher", "dense, intersections over unions summed over all frames"),
+    Column("event_iou", "event IoU", "higher", "events labelled by the mask at their pixel, summed over all frames"),
+    Column("event_iou_frames", "event IoU, frames", "higher", "the same, mean over frames with a moving event"),
+    Column("recall", "recall", "higher", "share of the movers' pixels with events called moving"),
+    Column("recall_dense", "dense recall", "higher", "share of the movers' pixels called moving"),
+    Column("clutter", "clutter", "lower", "share of the static clutter's pixels with events called moving"),
+    Column("resting", "resting", "lower", "the same for objects that could move but rest"),
+    Column("background", "other static", "lower", "the same for everything else that is static"),
+    Column("false_alarm_events", "false alarms", "lower", "share of events called moving in slices without movers"),
+    Column("false_alarm_pixels", "f.a. pixels", "lower", "share of pixels called moving in slices without movers"),
+    Column("flow", "flow", "lower", "endpoint error at pixels with events, mean over pixels, then slices", 1, "px/s"),
+    Column("flow_dense", "dense flow", "lower", "the same at all pixels", 1, "px/s"),
+    Column("flow_movers", "movers' flow", "lower", "the same at pixels with events on movers", 1, "px/s"),
+    Column("flow_ratio", "flow / zero", "lower", "summed flow error over that of zero flow"),
+    Column(
+        "camera_aee", "cam AEE", "lower", "error of camera velocity, rescaled per slice to the true speed", 3, "m/s"
+    ),
+    Column("camera_aee_depth", "cam AEE, depth", "lower", "the same, scaled by the median depths' ratio", 3, "m/s"),
+    Column("aee_ratio", "AEE / zero", "lower", "summed camera AEE over that of a zero twist"),
+    Column("camera_rre", "cam RRE", "lower", "angle of R_predᵀ R_true of a slice, per second", 3, "rad/s"),
+    Column("rre_ratio", "RRE / zero", "lower", "summed RRE over that of a zero twist"),
+    Column(
+        "direction", "direction", "lower", "angle of camera velocities where faster than 5 cm/s; zero is 90", 1, "°"
+    ),
+    Column(
+        "object_aee", "obj AEE", "lower", "error of object velocity averaged in the true mask, true speed", 3, "m/s"
+    ),
+    Column("object_aee_depth", "obj AEE, depth", "lower", "the same, scaled by the median depths' ratio", 3, "m/s"),
+    Column("objects_found", "objects found", "higher", "share of moving objects on which any velocity is predicted"),
+    Column("abs_rel", "AbsRel", "lower", "mean of |error| / true depth, median scale"),
+    Column("rmse_log", "RMSE log", "lower", "root mean square of the log difference"),
+    Column("silog", "SILog", "lower", "variance of the log difference, no square root"),
+    Column("delta_1", "δ<1.25", "higher", "share of pixels within a factor of 1.25"),
+    Column("delta_2", "δ<1.25²", "higher", "… of 1.25²"),
+    Column("delta_3", "δ<1.25³", "higher", "… of 1.25³"),
+    Column("abs_rel_events", "AbsRel, events", "lower", "AbsRel at pixels with events"),
+    Column("rmse_log_events", "RMSE log, events", "lower", "RMSE log at pixels with events"),
+    Column("silog_events", "SILog, events", "lower", "SILog at pixels with events"),
+    Column("delta_1_events", "δ<1.25, events", "higher", "δ<1.25 at pixels with events"),
+    Column("delta_2_events", "δ<1.25², events", "higher", "δ<1.25² at pixels with events"),
+    Column("delta_3_events", "δ<1.25³, events", "higher", "δ<1.25³ at pixels with events"),
+)
+
+BY_NAME = {column.name: column for column in COLUMNS}
+
+OVERVIEW = "overview"
+SECTIONS: dict[str, tuple[str, ...]] = {
+    OVERVIEW: (
+        *("iou", "event_iou", "recall", "clutter", "false_alarm_events", "flow"),
+        *("camera_aee", "camera_rre", "direction", "object_aee", "abs_rel", "delta_1"),
+    ),
+    "moving mask": (
+        *("iou", "iou_30px", "iou_pooled", "event_iou", "event_iou_frames", "recall", "recall_dense"),
+        *("clutter", "resting", "background", "false_alarm_events", "false_alarm_pixels"),
+    ),
+    "motion": (
+        *("camera_aee", "camera_aee_depth", "aee_ratio", "camera_rre", "rre_ratio", "direction"),
+        *("object_aee", "object_aee_depth", "objects_found", "flow", "flow_dense", "flow_movers", "flow_ratio"),
+    ),
+    "depth": (
+        *("abs_rel", "rmse_log", "silog", "delta_1", "delta_2", "delta_3"),
+        *("abs_rel_events", "rmse_log_events", "silog_events", "delta_1_events", "delta_2_events", "delta_3_events"),
+    ),
+}
+
+CONVENTIONS: tuple[str, ...] = (
+    "One estimate per 25 ms slice, scored in sensor pixels against the truth at its centre (at most 1 ms away).",
+    "Scored are the pixels that the lens maps into the rectified image, the same for every row; no dilation.",
+    "A mask is the moving probability above 0.5. Moving in truth: an object faster than 3 cm/s or 10 °/s relative to"
+    " the static world at that instant; resting objects are background.",
+    "Frames in which nothing moves in sight are left out of IoU; they count in pooled and event IoU and alone make up"
+    " the false alarms.",
+    "Flow is on the plane Z = 1 times the sensor's focal length: px/s of a pinhole image, the lens left out.",
+    "Velocities are in camera axes, objects relative to the static world, seen in at least 30 scored pixels.",
+    "Scale of velocities from truth: the true norm per slice, or (depth) median true over median predicted depth."
+    " A zero velocity stays zero, so its error is the true speed.",
+    "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames.",
+    "Event density is the event count in a 15x15 box over the mean of the frame; the oracle threshold is the best dense"
+    " IoU on these very recordings.",
+)

@@ -1,0 +1,124 @@
+"""The result of an evaluation: adds up over slices and recordings, saves itself, prints through `tables`."""
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from evimo.errors import BadFile, NotFound
+from evimo.evaluation import baselines
+from evimo.evaluation.columns import COLUMNS, CONVENTIONS
+from evimo.evaluation.scores import Score, Scores, added
+
+MODEL = "model"
+FORMAT = 1
+"""Of report.json; grows when the meaning of a number changes, so that older files are not mixed with newer ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Scores of the model and of the trivial answers on the same slices.
+
+    rows:     scores by the row's name, `MODEL` first.
+    density:  mask scores of each density threshold, from which the oracle row is made.
+    counts:   what was scored and what was left out.
+    settings: model, versions, thresholds: what the numbers depend on.
+    """
+
+    title: str = "recordings"
+    rows: Mapping[str, Scores] = field(default_factory=dict[str, Scores])
+    density: Mapping[float, Scores] = field(default_factory=dict[float, Scores])
+    counts: Mapping[str, int] = field(default_factory=dict[str, int])
+    settings: Mapping[str, str | float] = field(default_factory=dict[str, str | float])
+
+    def __add__(self, other: "Report") -> "Report":
+        """Both as one; title and settings are those of the first."""
+        return Report(
+            self.title,
+            rows={key: added((self.rows.get(key, {}), other.rows.get(key, {}))) for key in {**self.rows, **other.rows}},
+            density={
+                key: added((self.density.get(key, {}), other.density.get(key, {})))
+                for key in {**self.density, **other.density}
+            },
+            counts={key: self.counts.get(key, 0) + other.counts.get(key, 0) for key in {**self.counts, **other.counts}},
+            settings=self.settings,
+        )
+
+    @property
+    def table_rows(self) -> dict[str, Scores]:
+        """The rows of the tables: `rows` and, where densities were scored, the oracle threshold."""
+        rows = dict(self.rows)
+        if self.density:
+            best = baselines.best_threshold(dict(self.density))
+            rows[f"{baselines.DENSITY_ORACLE} {best:g}"] = self.density[best]
+        return rows
+
+    def value(self, row: str, name: str) -> float | None:
+        """One number of the table; None where nothing was scored."""
+        score = self.rows.get(row, {}).get(name)
+        return score.value if score else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON; `report_from` reads it back."""
+        return {
+            "format": FORMAT,
+            "title": self.title,
+            "settings": dict(self.settings),
+            "counts": dict(self.counts),
+            "rows": {row: plain(scores) for row, scores in self.rows.items()},
+            "density": {str(key): plain(scores) for key, scores in self.density.items()},
+            "conventions": list(CONVENTIONS),
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write all sums and values as JSON."""
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        Path(path).write_text(json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+    def save_csv(self, path: str | Path) -> None:
+        """Write the values as a table: one line per row, empty where nothing was scored."""
+        with Path(path).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["row", *(column.name for column in COLUMNS)])
+            for row, scores in self.table_rows.items():
+                values = (scores[column.name].value if column.name in scores else None for column in COLUMNS)
+                writer.writerow([row, *("" if value is None else f"{value:.6g}" for value in values)])
+
+
+def plain(scores: Scores) -> dict[str, dict[str, float | None]]:
+    """Scores as JSON holds them; the value beside the sums is for people."""
+    return {
+        name: {"top": score.top, "bottom": score.bottom, "samples": score.samples, "value": score.value}
+        for name, score in scores.items()
+    }
+
+
+def scores_from(saved: Mapping[str, Mapping[str, Any]]) -> Scores:
+    """What `plain` made, read back."""
+    return {name: Score(each["top"], each["bottom"], each["samples"]) for name, each in saved.items()}
+
+
+def load_report(path: str | Path) -> Report:
+    """A report saved by `Report.save`.
+
+    Raises:
+        NotFound: no such file.
+        BadFile: not a report, or one of another format.
+    """
+    if not Path(path).is_file():
+        raise NotFound(f"no report {str(path)!r}", fix="the report.json written by evimo evaluate --out")
+    try:
+        saved = json.loads(Path(path).read_text(encoding="utf-8"))
+        if saved["format"] != FORMAT:
+            raise BadFile(f"{path} has report format {saved['format']}, not {FORMAT}", fix="evaluate again")
+        return Report(
+            title=saved["title"],
+            rows={row: scores_from(scores) for row, scores in saved["rows"].items()},
+            density={float(key): scores_from(scores) for key, scores in saved["density"].items()},
+            counts=saved["counts"],
+            settings=saved["settings"],
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadFile(f"{path} is not a report: {error}", fix="the report.json written by evimo evaluate") from error

@@ -1,0 +1,90 @@
+"""A report as tables: for the terminal with rich, for a page as Markdown."""
+
+from collections.abc import Iterator
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from evimo.evaluation.columns import BY_NAME, COLUMNS, CONVENTIONS, OVERVIEW, SECTIONS, Column
+from evimo.evaluation.report import MODEL, Report
+from evimo.evaluation.scores import Score
+
+ARROWS = {"higher": "↑", "lower": "↓"}
+
+
+def header(column: Column) -> str:
+    """Name, unit and which way is better."""
+    return f"{column.header} {f'[{column.unit}] ' if column.unit else ''}{ARROWS[column.better]}"
+
+
+def cell(score: Score | None, column: Column) -> str:
+    """The number as printed; a dash where nothing was scored."""
+    value = score.value if score else None
+    return "–" if value is None else f"{value:.{column.digits}f}"
+
+
+def cells(report: Report, section: str) -> list[list[str]]:
+    """The rows of one section, each its name and its cells; rows without any number are left out; last, the samples."""
+    columns = [BY_NAME[name] for name in SECTIONS[section]]
+    lines = [
+        [row, *(cell(scores.get(column.name), column) for column in columns)]
+        for row, scores in report.table_rows.items()
+        if any(column.name in scores for column in columns)
+    ]
+    model = report.rows.get(MODEL, {})
+    samples = [str(model[column.name].samples) if column.name in model else "0" for column in columns]
+    return [*lines, ["samples kept (slices, objects)", *samples]]
+
+
+def notes(report: Report) -> Iterator[str]:
+    """What was counted and left out, and whether the model beats zero motion."""
+    yield ", ".join(f"{count:,} {what}" for what, count in report.counts.items())
+    yield ", ".join(f"{what}: {value}" for what, value in report.settings.items())
+    for name, what in (
+        ("flow_ratio", "zero flow"),
+        ("aee_ratio", "zero twist (AEE)"),
+        ("rre_ratio", "zero twist (RRE)"),
+    ):
+        if (ratio := report.value(MODEL, name)) is not None:
+            yield f"{'beats' if ratio < 1 else 'DOES NOT BEAT'} {what}: {ratio:.2f} of its error"
+
+
+def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> RenderableType:
+    """Tables and notes for a rich console."""
+    parts: list[RenderableType] = []
+    for section in sections:
+        table = Table(title=f"{report.title}: {section}", title_justify="left")
+        table.add_column("", overflow="fold", min_width=18)
+        for name in SECTIONS[section]:
+            table.add_column(header(BY_NAME[name]), justify="right")
+        *lines, samples = cells(report, section)
+        for line in lines:
+            table.add_row(*line, style="bold" if line[0] == MODEL else None)
+        table.add_section()
+        table.add_row(*samples, style="dim")
+        parts.append(table)
+    return Group(*parts, *(Text(note) for note in notes(report) if note))
+
+
+def as_markdown(report: Report) -> str:
+    """The whole report as a page: tables, notes, what each column means, conventions."""
+    lines = [f"# {report.title}", "", *(f"- {note}" for note in notes(report) if note)]
+    for section, names in SECTIONS.items():
+        heads = ["", *(header(BY_NAME[name]) for name in names)]
+        lines += ["", f"## {section}", "", table_line(heads), table_line(["---", *["---:"] * len(names)])]
+        lines += [table_line(line) for line in cells(report, section)]
+    lines += ["", "## what the columns are", ""]
+    lines += [
+        f"- **{column.header}**{f' [{column.unit}]' if column.unit else ''}: {column.meaning}" for column in COLUMNS
+    ]
+    lines += ["", "## conventions", "", *(f"- {convention}" for convention in CONVENTIONS), ""]
+    return "\n".join(lines)
+
+
+def table_line(parts: list[str]) -> str:
+    """One line of a Markdown table."""
+    return f"| {' | '.join(parts)} |"
+
+
+__all__ = ["OVERVIEW", "as_markdown", "as_rich"]
