@@ -113,7 +113,7 @@ def rectified(camera: Camera, *, max_size: tuple[int, int] = MAX_SIZE) -> Rectif
 
     Its size is the sensor's times s = min(1, max_size / size), its principal point moves by the half-pixel rule. With
     a lens, its pixels are square and its focal length is the largest, at most s·min(fx, fy), with at least 95 % of the
-    sensor's usable pixels inside. Without a lens it is the sensor's image made smaller by s, and the very same for s = 1.
+    sensor's usable pixels inside. Without a lens it is the sensor's image made smaller by s, the very same for s = 1.
 
     Raises:
         BadInput: the lens model gives no direction for any pixel, or the principal point of a lens is off the sensor.
