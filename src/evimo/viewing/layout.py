@@ -1,0 +1,82 @@
+"""Where everything is: four panels in two rows, a side bar to their right."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from evimo.viewing.colours import Image
+
+GAP = 12
+HEADER = 34
+SIDEBAR = 252
+_LARGEST_IMAGE = (428, 490)
+_SMALLEST_CELL = (278, 372)
+
+
+class Box(NamedTuple):
+    """A rectangle of the frame in px; the right column and the bottom row are not part of it."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @property
+    def right(self) -> int:
+        """First column to its right."""
+        return self.x + self.width
+
+    @property
+    def bottom(self) -> int:
+        """First row below it."""
+        return self.y + self.height
+
+    def of(self, image: Image) -> Image:
+        """This part of the image, as a view."""
+        return image[self.y : self.bottom, self.x : self.right]
+
+    def overlap(self, other: "Box") -> int:
+        """Pixels that two boxes share."""
+        width = min(self.right, other.right) - max(self.x, other.x)
+        height = min(self.bottom, other.bottom) - max(self.y, other.y)
+        return max(width, 0) * max(height, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Boxes of one frame.
+
+    frame:   (height, width), even.
+    scale:   frame px per sensor px, the same in x and y up to rounding.
+    images:  the four sensor images: events, mask, depth, velocity.
+    headers: the title bars above them.
+    sidebar: time, camera motion and the legend of velocities.
+    """
+
+    frame: tuple[int, int]
+    scale: float
+    images: tuple[Box, Box, Box, Box]
+    headers: tuple[Box, Box, Box, Box]
+    sidebar: Box
+
+
+def layout_of(size: tuple[int, int]) -> Layout:
+    """The layout for a sensor of this (height, width): at most 1280 x 960, small sensors enlarged."""
+    height, width = size
+    scale = min(_LARGEST_IMAGE[0] / height, _LARGEST_IMAGE[1] / width)
+    scale = int(scale * 2) / 2 if scale >= 2 else scale
+    shown = max(round(height * scale), 1), max(round(width * scale), 1)
+    cell = max(shown[0], _SMALLEST_CELL[0]), max(shown[1], _SMALLEST_CELL[1])
+
+    corners = [(GAP + column * (cell[1] + GAP), GAP + row * (cell[0] + HEADER + GAP)) for row in (0, 1) for column in (0, 1)]
+    headers = [Box(x, y, cell[1], HEADER) for x, y in corners]
+    images = [
+        Box(x + (cell[1] - shown[1]) // 2, y + HEADER + (cell[0] - shown[0]) // 2, shown[1], shown[0]) for x, y in corners
+    ]
+    right, bottom = headers[3].right, headers[3].bottom + cell[0]
+    sidebar = Box(right + GAP, GAP, SIDEBAR, bottom - GAP)
+    frame = _even(bottom + GAP), _even(sidebar.right + GAP)
+    return Layout(frame, scale, (images[0], images[1], images[2], images[3]), (*headers,), sidebar)  # pyright: ignore
+
+
+def _even(length: int) -> int:
+    return length + length % 2

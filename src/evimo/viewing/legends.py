@@ -1,0 +1,77 @@
+"""The fixed parts of a frame: title bars with their legends, the wheel of directions."""
+
+import numpy as np
+
+from evimo.viewing.colours import (
+    DEPTH_RANGE,
+    MUTED,
+    NEGATIVE,
+    POSITIVE,
+    Image,
+    depth_table,
+    direction_colours,
+)
+from evimo.viewing.layout import Box, Layout
+from evimo.viewing.maps import hatch
+from evimo.viewing.strokes import PLAIN, SMALL, TITLE, swatch, text_width, write, z_sign
+
+
+def titles(image: Image, layout: Layout) -> None:
+    """Write the four title bars with the legends that never change, in place."""
+    names = ("Events", "Moving objects", "Relative depth", "Object velocity")
+    for name, header in zip(names, layout.headers, strict=True):
+        write(image, name, (header.x, header.y + 16), size=TITLE, bold=True)
+    events, mask, depth, _ = layout.headers
+    _polarities(image, events)
+    _unknown(image, mask)
+    _depths(image, depth)
+
+
+def wheel(image: Image, box: Box) -> None:
+    """The colours of directions, with their names around them, in place."""
+    radius = box.height // 2 - 16
+    rows, columns = np.mgrid[-radius : radius + 1, -radius : radius + 1].astype(float)
+    disc = direction_colours(np.stack([columns, rows], axis=-1), full=radius)
+    x, y = box.x + box.width // 2, box.y + box.height // 2
+    inside = np.clip(radius + 0.5 - np.hypot(rows, columns), 0, 1)[..., None]
+    part = image[y - radius : y + radius + 1, x - radius : x + radius + 1]
+    part[:] = np.rint(part * (1 - inside) + disc * inside).astype(np.uint8)
+    write(image, "up", (x, y - radius - 9), size=SMALL, colour=MUTED, align="centre")
+    write(image, "down", (x, y + radius + 9), size=SMALL, colour=MUTED, align="centre")
+    write(image, "right", (x + radius + 6, y), size=SMALL, colour=MUTED)
+    write(image, "left", (x - radius - 6, y), size=SMALL, colour=MUTED, align="right")
+
+
+def depth_signs(image: Image, at: tuple[int, int]) -> None:
+    """The signs of motion along the optical axis and what they mean, in place."""
+    x, y = at
+    for name, towards in (("towards", True), ("away", False)):
+        z_sign(image, np.array([x + 8.0, y]), towards=towards)
+        x = write(image, name, (x + 22, y), size=PLAIN, colour=MUTED) + 24
+
+
+def _polarities(image: Image, header: Box) -> None:
+    entries = (("brighter", POSITIVE), ("darker", NEGATIVE))
+    x = header.right - sum(text_width(name) + 16 for name, _ in entries) - 14
+    for name, colour in entries:
+        x = write(image, name, (swatch(image, (x, header.y + 16), colour=colour), header.y + 16), colour=MUTED) + 14
+
+
+def _unknown(image: Image, header: Box) -> None:
+    name = "no data"
+    x, y = header.right - text_width(name), header.y + 16
+    write(image, name, (x, y), colour=MUTED)
+    image[y - 5 : y + 6, x - 23 : x - 5] = hatch((11, 18))
+
+
+def _depths(image: Image, header: Box) -> None:
+    """The colour bar, near on the left; every factor of two has a tick."""
+    width = 168
+    x, y = header.right - width - 12, header.y + 5
+    near, far = np.log2(DEPTH_RANGE)
+    image[y : y + 9, x : x + width] = depth_table()[np.linspace(0, 255, width).astype(int)]
+    for power in range(round(near), round(far) + 1):
+        column = x + round((power - near) / (far - near) * (width - 1))
+        image[y + 9 : y + 12, column] = MUTED
+        write(image, f"{2.0**power:g}", (column, y + 19), size=SMALL, colour=MUTED, align="centre")
+    write(image, "mean depths", (x - 12, y + 4), size=SMALL, colour=MUTED, align="right")

@@ -1,0 +1,93 @@
+"""Marks of single objects: labels with ids, arrows with speeds."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.recordings.estimate import MovingObject
+from evimo.viewing.colours import Image, direction_colours, id_colour
+from evimo.viewing.layout import Box
+from evimo.viewing.maps import Zoom
+from evimo.viewing.strokes import arrow, chip, free_place, text_width, z_sign
+
+LONGEST_ARROW = 0.22
+"""Length of the arrow of the fastest object, as a share of the panel's width."""
+
+ALONG_Z = 0.3
+"""Share of the speed along the optical axis from which on it is said."""
+
+_LABEL_HEIGHT = 18
+_MARGIN = 10
+
+
+def velocity_table(objects: Sequence[MovingObject], *, full: float) -> Image:
+    """(256, 3) uint8: `table[ids]` paints each object by the direction of its velocity; the background is black."""
+    table = np.zeros((256, 3), np.uint8)
+    for one in objects:
+        table[one.id] = direction_colours(_velocity(one)[:2], full=full)
+    return table
+
+
+def label_objects(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom) -> None:
+    """Write each object's id beside it, in place."""
+    taken: list[Box] = []
+    for one in objects:
+        _label(panel, f"{one.id}", one, zoom=zoom, taken=taken)
+
+
+def draw_velocities(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom, full: float) -> None:
+    """Draw an arrow from each object's centroid, and its speed beside it, in place.
+
+    `full`: speed of the longest arrow, in mean depths per second.
+    """
+    taken: list[Box] = []
+    for one in objects:
+        velocity = _velocity(one)
+        start = zoom.point(np.array(one.centroid))
+        stop = start + velocity[:2] / full * LONGEST_ARROW * panel.shape[1]
+        start, stop = inside(start, stop, panel.shape[:2])
+        if np.linalg.norm(stop - start) >= 3:
+            arrow(panel, start, stop)
+        if speaks_of_z(velocity):
+            z_sign(panel, start, towards=bool(velocity[2] < 0))
+        low, high = np.minimum(start, stop) - 6, np.maximum(start, stop) + 6
+        taken.append(Box(int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])))
+    for one in objects:
+        _label(panel, described(one), one, zoom=zoom, taken=taken)
+
+
+def described(one: MovingObject) -> str:
+    """Id, speed in mean depths per second, and whether it comes or goes: `2: 0.41 away`."""
+    velocity = _velocity(one)
+    words = ("" if not speaks_of_z(velocity) else " towards" if velocity[2] < 0 else " away")
+    return f"{one.id}: {np.linalg.norm(velocity):.2f}{words}"
+
+
+def speaks_of_z(velocity: NDArray[np.float64]) -> bool:
+    """Whether a velocity has enough of the optical axis in it."""
+    return bool(abs(velocity[2]) > ALONG_Z * np.linalg.norm(velocity))
+
+
+def inside(
+    start: NDArray[np.float64], stop: NDArray[np.float64], size: tuple[int, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The same arrow, moved by as little as keeps both ends inside an image of (height, width)."""
+    low, high = np.minimum(start, stop), np.maximum(start, stop)
+    room = np.array([size[1], size[0]]) - 1.0 - _MARGIN
+    move = np.maximum(_MARGIN - low, 0) - np.maximum(high - room, 0)
+    return start + move, stop + move
+
+
+def _label(panel: Image, text: str, one: MovingObject, *, zoom: Zoom, taken: list[Box]) -> None:
+    left, top = zoom.point(np.array(one.box[:2]) - 0.5)
+    right, bottom = zoom.point(np.array(one.box[2:]) + 0.5)
+    around = Box(round(left), round(top), round(right - left), round(bottom - top))
+    width = text_width(text, bold=True) + 8
+    place = free_place((_LABEL_HEIGHT, width), around=around, inside=panel.shape[:2], taken=taken)
+    chip(panel, text, place, colour=id_colour(one.id))
+    taken.append(place)
+
+
+def _velocity(one: MovingObject) -> NDArray[np.float64]:
+    return np.nan_to_num(np.asarray(one.rel_velocity, np.float64))

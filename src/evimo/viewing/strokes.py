@@ -1,0 +1,111 @@
+"""Text, chips and arrows, placed by what they mean."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.viewing.colours import DARK, INK, RGB, Image
+from evimo.viewing.layout import Box
+
+Align = Literal["left", "centre", "right"]
+
+TITLE, PLAIN, SMALL = 0.55, 0.48, 0.43
+"""Sizes of letters, as OpenCV counts them; a capital is about 21 times as many px high."""
+
+_CAPITAL = 21
+_SHIFT = 4
+"""Fractional bits of OpenCV's sub-pixel coordinates."""
+
+
+def text_width(text: str, *, size: float = PLAIN, bold: bool = False) -> int:
+    """Columns that `write` covers."""
+    return cv2.getTextSize(text, _font(bold), size, 1)[0][0]
+
+
+def write(
+    image: Image,
+    text: str,
+    at: tuple[float, float],
+    *,
+    size: float = PLAIN,
+    colour: RGB = INK,
+    bold: bool = False,
+    align: Align = "left",
+) -> int:
+    """Write ASCII text, its capitals centred on row `at[1]`; returns the column behind it."""
+    width = text_width(text, size=size, bold=bold)
+    left = round(at[0] - {"left": 0, "centre": width / 2, "right": width}[align])
+    baseline = round(at[1] + size * _CAPITAL / 2)
+    cv2.putText(image, text, (left, baseline), _font(bold), size, colour, 1, cv2.LINE_AA)
+    return left + width
+
+
+def swatch(image: Image, at: tuple[int, int], *, colour: RGB, side: int = 11) -> int:
+    """A filled square of a legend, centred on row `at[1]`; returns the column behind it and a space."""
+    x, y = at[0], at[1] - side // 2
+    image[y : y + side, x : x + side] = colour
+    return x + side + 5
+
+
+def chip(image: Image, text: str, box: Box, *, colour: RGB) -> None:
+    """A small filled label with dark letters."""
+    box.of(image)[:] = colour
+    write(image, text, (box.x + box.width / 2, box.y + box.height / 2), colour=DARK, bold=True, align="centre")
+
+
+def arrow(image: Image, start: NDArray[np.float64], stop: NDArray[np.float64]) -> None:
+    """A white arrow with a dark rim."""
+    length = float(np.linalg.norm(stop - start))
+    tip = min(11 / max(length, 1e-6), 0.6)
+    for colour, thickness in ((DARK, 6), (INK, 2)):
+        cv2.arrowedLine(image, _fixed(start), _fixed(stop), colour, thickness, cv2.LINE_AA, _SHIFT, tip)
+
+
+def z_sign(image: Image, at: NDArray[np.float64], *, towards: bool, radius: int = 8) -> None:
+    """A circle with a dot (towards the viewer) or with a cross (away), as in physics."""
+    cv2.circle(image, _fixed(at), (radius + 2) << _SHIFT, DARK, -1, cv2.LINE_AA, _SHIFT)
+    cv2.circle(image, _fixed(at), radius << _SHIFT, INK, 1, cv2.LINE_AA, _SHIFT)
+    if towards:
+        cv2.circle(image, _fixed(at), 3 << _SHIFT, INK, -1, cv2.LINE_AA, _SHIFT)
+        return
+    for slope in (1, -1):
+        arm = np.array([1, slope]) * radius * 0.7
+        cv2.line(image, _fixed(at - arm), _fixed(at + arm), INK, 1, cv2.LINE_AA, _SHIFT)
+
+
+def polyline(image: Image, points: NDArray[np.float64], *, colour: RGB, thickness: int = 2) -> None:
+    """An open line through (N, 2) points in px."""
+    fixed = np.rint(points * (1 << _SHIFT)).astype(np.int32)
+    cv2.polylines(image, [fixed], False, colour, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def free_place(size: tuple[int, int], *, around: Box, inside: tuple[int, int], taken: Sequence[Box]) -> Box:
+    """Where a label fits next to a box: above it, below, right, left, then further away.
+
+    Args:
+        size: (height, width) of the label.
+        around: what it belongs to.
+        inside: (height, width) of the image; the label does not leave it.
+        taken: what it should not cover; the place that covers least is chosen.
+    """
+    height, width = size
+    places = [(around.right + 2, around.y), (around.x - width - 2, around.y)]
+    for away in range(4):
+        above, below = around.y - (away + 1) * (height + 2), around.bottom + 2 + away * (height + 2)
+        places[2 * away : 2 * away] = [(around.x, above), (around.x, below)]
+    boxes = [
+        Box(min(max(x, 0), max(inside[1] - width, 0)), min(max(y, 0), max(inside[0] - height, 0)), width, height)
+        for x, y in places
+    ]
+    return min(boxes, key=lambda box: sum(box.overlap(other) for other in taken))
+
+
+def _font(bold: bool) -> int:
+    return cv2.FONT_HERSHEY_DUPLEX if bold else cv2.FONT_HERSHEY_SIMPLEX
+
+
+def _fixed(point: NDArray[np.float64]) -> tuple[int, int]:
+    return round(float(point[0]) * (1 << _SHIFT)), round(float(point[1]) * (1 << _SHIFT))

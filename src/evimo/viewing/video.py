@@ -1,0 +1,96 @@
+"""H.264 video files."""
+
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Self, cast
+
+import av
+from av.container import OutputContainer
+from av.video.reformatter import ColorRange, Colorspace
+from av.video.stream import VideoStream
+
+from evimo.errors import BadInput
+from evimo.viewing.colours import Image
+
+_BT709 = 1
+"""Primaries, transfer and matrix of high definition, as H.264 numbers them."""
+
+
+class VideoWriter:
+    """Writes RGB images of one size as H.264, yuv420p, which every player shows.
+
+    The file appears with the first image; folders are made. Close it, or use it in a `with` statement: an
+    unclosed file cannot be played. After an error inside the statement the images so far are kept.
+
+    Args:
+        path: where to write, `.mp4` or `.mkv`.
+        fps: images per second of playing time.
+        crf: constant quality, 0 (lossless) to 51; 20 keeps thin lines and small letters clear.
+
+    Raises:
+        BadInput: fps is not positive, or the suffix names another kind of file.
+    """
+
+    def __init__(self, path: str | Path, *, fps: float, crf: int = 20) -> None:
+        if not fps > 0:
+            raise BadInput(f"a video of {fps} images per second cannot be played", fix="give a positive number")
+        self.path = Path(path)
+        if self.path.suffix.lower() not in (".mp4", ".mkv"):
+            raise BadInput(f"{self.path.name} is no name of a video", fix="end it with .mp4 or .mkv")
+        self._fps = Fraction(fps).limit_denominator(1001)
+        self._crf = crf
+        self._opened: tuple[OutputContainer, VideoStream] | None = None
+
+    def write(self, image: Image) -> None:
+        """Append one image.
+
+        Args:
+            image: (h, w, 3) uint8 RGB, h and w even and the same for all.
+
+        Raises:
+            BadInput: the size is odd or differs from the first image's.
+        """
+        if self._opened is None:
+            self._opened = self._open(image)
+        container, stream = self._opened
+        if image.shape != (stream.height, stream.width, 3):
+            wanted = f"{stream.width}x{stream.height}"
+            raise BadInput(
+                f"an image of {image.shape[1]}x{image.shape[0]} px in a video of {wanted} px",
+                fix="one VideoWriter for each size",
+            )
+        frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+        frame = frame.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG)
+        container.mux(stream.encode(frame))
+
+    def close(self) -> None:
+        """Finish the file; nothing happens without images, or the second time."""
+        if self._opened is None:
+            return
+        container, stream = self._opened
+        self._opened = None
+        container.mux(stream.encode(None))
+        container.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _open(self, image: Image) -> tuple[OutputContainer, VideoStream]:
+        height, width = image.shape[:2]
+        if height % 2 or width % 2:
+            raise BadInput(f"a video of {width}x{height} px", fix="an even width and an even height: H.264 halves its colours")
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        container = av.open(str(self.path), "w")
+        stream = cast(VideoStream, container.add_stream("libx264", rate=self._fps))
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.options = {"crf": str(self._crf), "preset": "veryfast"}
+        context = stream.codec_context
+        context.colorspace = context.color_primaries = context.color_trc = _BT709
+        context.color_range = ColorRange.MPEG
+        return container, stream
