@@ -1,0 +1,86 @@
+"""Data flows one way, `import evimo` costs nothing, and running a model never asks for what only training needs."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+SRC = Path(__file__).parents[1] / "src" / "evimo"
+
+# A room imports only from rows above its own in this list, never from its own row (docs/decisions/0001).
+ROWS = [
+    "errors",
+    "events geometry samples",
+    "recordings",
+    "scene model losses classical",
+    "annotate simulate evaluation viewing",
+    "training streaming",
+    "cli",
+]
+HEIGHT = {room: height for height, row in enumerate(ROWS) for room in row.split()}
+
+# These come with an extra: imported only inside the function that needs them, except in the rooms of training.
+EXTRAS = ["torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun"]
+TRAINING_ROOMS = {"model", "losses", "training"}
+TRAINING_MODULES = {f"evimo.geometry.{name}" for name in ("grids", "motion_field", "poses", "warping")}
+
+
+def imported(file: Path) -> Iterator[str]:
+    """Every name the file imports, as `package.module.name`; relative imports are banned by the linter."""
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            prefix = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+            yield from (prefix + alias.name for alias in node.names)
+
+
+@pytest.mark.parametrize("file", sorted(SRC.rglob("*/*.py")), ids=lambda file: str(file.relative_to(SRC)))
+def test_rooms_import_only_from_below(file: Path):
+    room = file.relative_to(SRC).parts[0]
+    ours = {name.split(".")[1] for name in imported(file) if name.startswith("evimo.")}
+    assert {other for other in ours - {room} if HEIGHT[other] >= HEIGHT[room]} == set()
+
+
+def test_every_room_has_a_row():
+    rooms = {folder.name for folder in SRC.iterdir() if (folder / "__init__.py").exists()}
+    assert rooms - HEIGHT.keys() == set()
+
+
+def test_importing_evimo_imports_nothing_heavy():
+    heavy = ["numpy", "numba", "cv2", "scipy", "onnxruntime", "h5py", "av", "dv_processing", "rosbags", *EXTRAS]
+    loaded = printed_by(f"import sys, evimo; print(*[name for name in {heavy} if name in sys.modules])")
+    assert loaded.split() == []
+
+
+def test_base_rooms_import_without_any_extra():
+    """Every module that running needs is imported in an interpreter that has none of the extras."""
+    modules = [name for name in all_modules() if name not in TRAINING_MODULES and room_of(name) not in TRAINING_ROOMS]
+    program = f"""
+import importlib, sys
+for extra in {EXTRAS}:
+    sys.modules[extra] = None  # an import of it raises ImportError
+for name in {modules}:
+    try:
+        importlib.import_module(name)
+    except ImportError as error:
+        print(name, "needs", error.name)
+"""
+    assert printed_by(program) == ""
+
+
+def all_modules() -> list[str]:
+    """Dotted names of every module of the package."""
+    files = (file.relative_to(SRC.parent).with_suffix("") for file in sorted(SRC.rglob("*.py")))
+    return [".".join(file.parts).removesuffix(".__init__") for file in files if file.name != "__main__"]
+
+
+def room_of(module: str) -> str:
+    """`evimo.events.io` is in the room `events`; `evimo` itself is in none."""
+    return f"{module}.".split(".")[1]
+
+
+def printed_by(program: str) -> str:
+    """What a fresh interpreter prints."""
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
