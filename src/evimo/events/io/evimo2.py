@@ -1,0 +1,152 @@
+"""EVIMO2 v2 folders, and the recordings of our own simulator: memory-mapped arrays of seconds, pixels, polarities."""
+
+import json
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile, EvimoWarning
+from evimo.events.events import Events
+from evimo.events.io.event_file import CameraHint, EventFile, hint_from_matrix
+from evimo.events.io.npz_members import Archive, array_header
+from evimo.events.io.sensors import assumed_sensor
+from evimo.events.io.survey import no_events_in
+
+PACKET_EVENTS = 1 << 17
+ROUNDING_S = 1e-4  # more than float32 seconds are off within the first half hour
+
+
+def open_evimo2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
+    """Open the folder of one recording (or any dataset_ file in it); nothing is unpickled.
+
+    The sensor's size is that of dataset_info.json if there is one, else of the first depth or mask map.
+
+    Raises:
+        BadFile: an array is missing, damaged, of objects, or empty.
+    """
+    folder = path if path.is_dir() else path.parent
+    arrays = _arrays(folder)
+    t, xy = arrays["t"], arrays["xy"]
+    size = sensor or _stored_size(folder)
+    if size is None:
+        size = assumed_sensor(folder, (int(xy[:, 1].max()) + 1, int(xy[:, 0].max()) + 1))
+
+    def read(start_us: int) -> Iterator[Events]:
+        first = int(np.searchsorted(t, t.dtype.type(start_us * 1e-6 - ROUNDING_S)))
+        return (_part(arrays, at) for at in range(first, len(t), PACKET_EVENTS))
+
+    return EventFile(
+        path=folder,
+        format=f"EVIMO2 folder (times in {t.dtype} seconds)",
+        sensor=size,
+        start_us=int(_as_us(t[:1])[0]),
+        stop_us=int(_as_us(t[-1:])[0]) + 1,
+        read=read,
+        camera_hint=_camera(folder, size),
+        contents=_contents(folder),
+    )
+
+
+def _part(arrays: dict[str, NDArray[Any]], first: int) -> Events:
+    part = slice(first, first + PACKET_EVENTS)
+    xy = arrays["xy"][part]
+    x, y = xy[:, 0].astype(np.uint16), xy[:, 1].astype(np.uint16)
+    p = np.where(arrays["p"][part] > 0, 1, -1).astype(np.int8)
+    return Events(x, y, _as_us(arrays["t"][part]), p)
+
+
+def _as_us(seconds: NDArray[Any]) -> NDArray[np.int64]:
+    return np.rint(np.asarray(seconds, np.float64) * 1e6).astype(np.int64)
+
+
+def _arrays(folder: Path) -> dict[str, NDArray[Any]]:
+    """The three arrays as maps of the files, cut to the shortest."""
+    arrays = {name: _mapped(folder / f"dataset_events_{name}.npy") for name in ("t", "xy", "p")}
+    if arrays["t"].dtype.kind != "f" or arrays["xy"].shape[1:] != (2,):
+        kinds = ", ".join(f"{name} {array.dtype} {array.shape}" for name, array in arrays.items())
+        raise BadFile(f"{folder}: unexpected arrays ({kinds})", fix="t (N,) float seconds, xy (N, 2), p (N,)")
+    lengths = {name: len(array) for name, array in arrays.items()}
+    shortest = min(lengths.values())
+    if not shortest:
+        raise no_events_in(folder)
+    if shortest < max(lengths.values()):
+        text = f"{folder.name}: arrays of unequal length {lengths}: the first {shortest:,} events are used"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
+    return {name: array[:shortest] for name, array in arrays.items()}
+
+
+def _mapped(path: Path) -> NDArray[Any]:
+    """The rows of an array that are really there, mapped."""
+    if not path.exists():
+        raise BadFile(f"{path.parent} lacks {path.name}", fix="copy the whole folder of the recording")
+    with path.open("rb") as file:
+        header = array_header(file, path.name)
+    columns = header.shape[1:]
+    row_bytes = header.dtype.itemsize * int(np.prod(columns))
+    rows = min(header.shape[0], (path.stat().st_size - header.offset) // row_bytes)
+    if not rows:
+        return np.empty((0, *columns), header.dtype)
+    order = "F" if header.fortran_order and columns else "C"
+    if order == "F" and rows < header.shape[0]:
+        raise BadFile(f"{path.name} is cut short", fix="copy the recording again")
+    return np.memmap(path, header.dtype, "r", header.offset, (rows, *columns), order)
+
+
+def _stored_size(folder: Path) -> tuple[int, int] | None:
+    meta = _meta(folder)
+    if "res_x" in meta:
+        return int(meta["res_y"]), int(meta["res_x"])
+    for name in ("depth", "mask"):
+        path = folder / f"dataset_{name}.npz"
+        if path.exists() and (maps := sorted(Archive(path).names)):
+            return Archive(path).header(maps[0]).shape[-2:]  # type: ignore[return-value]
+    return None
+
+
+def _meta(folder: Path) -> dict[str, Any]:
+    """The camera part of dataset_info.json, which replaces EVIMO2's pickled one; empty where there is none."""
+    path = folder / "dataset_info.json"
+    if not path.exists():
+        return {}
+    try:
+        stored = json.loads(path.read_text())
+        meta = stored.get("meta", stored)
+        return meta.get("meta", meta)
+    except (ValueError, AttributeError) as error:
+        raise BadFile(f"{path} is no JSON object", fix="write the recording again") from error
+
+
+def _camera(folder: Path, size: tuple[int, int]) -> CameraHint | None:
+    meta = _meta(folder)
+    if {"fx", "fy", "cx", "cy"} <= meta.keys():
+        fisheye = meta.get("dist_model") == "equidistant"
+        names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
+        return CameraHint(
+            **{name: float(meta[name]) for name in ("fx", "fy", "cx", "cy")},
+            height=size[0],
+            width=size[1],
+            distortion=tuple(float(meta.get(name, 0.0)) for name in names),
+            lens="fisheye" if fisheye else "radtan",
+            source="dataset_info.json",
+        )
+    path = folder / "dataset_info.npz"
+    if path.exists() and "K" in (archive := Archive(path)).names:
+        return hint_from_matrix(archive.small("K"), size, "K in dataset_info.npz")
+    return None
+
+
+def _contents(folder: Path) -> dict[str, str]:
+    contents: dict[str, str] = {}
+    for name, words in (("depth", "depth maps"), ("mask", "masks"), ("classical", "frames"), ("flow", "flow maps")):
+        path = folder / f"dataset_{name}.npz"
+        if path.exists():
+            contents[words] = str(sum(member.startswith(name) for member in Archive(path).names))
+    if (folder / "dataset_sim.npz").exists():
+        contents["truth"] = "exact twists of a simulation"
+    if (folder / "dataset_info.npz").exists():
+        contents["meta"] = "poses and IMU, pickled: not opened"
+    return contents

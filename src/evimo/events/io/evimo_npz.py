@@ -1,0 +1,143 @@
+"""EV-IMO (and better-flow) .npz recordings: one array `events` of rows t x y p, beside depth, mask, K and D."""
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile, EvimoWarning
+from evimo.events.events import Events
+from evimo.events.io.event_file import CameraHint, EventFile, hint_from_matrix
+from evimo.events.io.npz_members import Archive, ArrayHeader, skip
+from evimo.events.io.sensors import assumed_sensor
+from evimo.events.io.survey import surveyed
+
+BLOCK_ROWS = 1 << 16
+
+
+def open_evimo_npz(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
+    """Open a recording; `t` is in seconds where the array is of floats, in µs where it is of integers.
+
+    Nothing is unpickled: `meta` stays closed. The size is that of `depth` or `mask`, K that of `K`. `D` is ignored
+    with a warning where it is not zero, as those of the released files are known to be wrong.
+
+    Raises:
+        BadFile: no numeric `events` of four columns, not a number in it, or nothing readable.
+    """
+    archive = Archive(path)
+    header = _events_header(archive)
+    survey = surveyed(path, _blocks(archive, header, 0))
+    if survey.events < header.shape[0]:
+        text = f"{path.name} is cut short: {survey.events:,} of {header.shape[0]:,} events are readable and used"
+        warnings.warn(text, EvimoWarning, stacklevel=3)
+    size = sensor or _map_size(archive) or assumed_sensor(path, survey.extent)
+
+    def read(start_us: int) -> Iterator[Events]:
+        return (events for _, events in _blocks(archive, header, survey.place(start_us)))
+
+    return EventFile(
+        path=path,
+        format="EV-IMO npz",
+        sensor=size,
+        start_us=survey.start_us,
+        stop_us=survey.stop_us,
+        read=read,
+        camera_hint=_camera(archive, size),
+        contents=_contents(archive),
+    )
+
+
+def _events_header(archive: Archive) -> ArrayHeader:
+    if "events" not in archive.names:
+        names = ", ".join(sorted(archive.names)[:8])
+        raise BadFile(
+            f"{archive.path.name} holds no array `events`, only {names}", fix="save the rows t x y p as `events`"
+        )
+    header = archive.header("events")
+    named = header.dtype.names is not None and {"t", "x", "y", "p"} <= set(header.dtype.names)
+    if not named and (len(header.shape) != 2 or header.shape[1] != 4 or header.dtype.kind not in "iuf"):
+        raise BadFile(
+            f"`events` in {archive.path.name} has shape {header.shape} of {header.dtype}",
+            fix="save it as (N, 4) numbers: t x y p",
+        )
+    return header
+
+
+def _blocks(archive: Archive, header: ArrayHeader, row: int) -> Iterator[tuple[int, Events]]:
+    """The events from a row on, in blocks: (first row, events)."""
+    by_column = header.fortran_order and header.dtype.names is None
+    for block in _by_column(archive, header, row) if by_column else _by_row(archive, header, row):
+        yield row, _as_events(block, archive.path, row)
+        row += len(block[0])
+
+
+def _by_row(archive: Archive, header: ArrayHeader, row: int) -> Iterator[list[NDArray[Any]]]:
+    names = header.dtype.names
+    row_bytes = header.dtype.itemsize * (1 if names else 4)
+    stream = archive.stream("events")
+    skip(stream, header.offset + row * row_bytes)
+    while len(raw := stream.read(BLOCK_ROWS * row_bytes)) >= row_bytes:
+        flat = np.frombuffer(raw[: len(raw) // row_bytes * row_bytes], header.dtype)
+        yield [flat[name] for name in "txyp"] if names else list(flat.reshape(-1, 4).T)
+
+
+def _by_column(archive: Archive, header: ArrayHeader, row: int) -> Iterator[list[NDArray[Any]]]:
+    """Column after column in the file: one stream for each."""
+    rows, item = header.shape[0], header.dtype.itemsize
+    streams = [archive.stream("events") for _ in range(4)]
+    for column, stream in enumerate(streams):
+        skip(stream, header.offset + (column * rows + row) * item)
+    while row < rows:
+        raw = [stream.read(min(BLOCK_ROWS, rows - row) * item) for stream in streams]
+        whole = min(map(len, raw)) // item
+        if not whole:
+            return
+        yield [np.frombuffer(part[: whole * item], header.dtype) for part in raw]
+        row += whole
+
+
+def _as_events(columns: list[NDArray[Any]], path: Path, row: int) -> Events:
+    t, x, y, p = columns
+    if t.dtype.kind == "f":
+        t = np.asarray(t, np.float64) * 1e6
+    if not all(np.isfinite(column).all() for column in (t, x, y, p)):
+        raise BadFile(
+            f"{path.name}: `events` holds nan or infinity near row {row:,}", fix="export it again without them"
+        )
+    return Events(_pixels(x), _pixels(y), np.rint(t).astype(np.int64), np.where(p > 0, 1, -1).astype(np.int8))
+
+
+def _pixels(values: NDArray[Any]) -> NDArray[np.uint16]:
+    """Whole pixels; what cannot be one becomes 65535, which is outside every sensor."""
+    inside = (values >= 0) & (values < 65535)
+    return np.where(inside, np.rint(np.where(inside, values, 0)), 65535).astype(np.uint16)
+
+
+def _map_size(archive: Archive) -> tuple[int, int] | None:
+    for name in ("depth", "mask"):
+        if name in archive.names and len(shape := archive.header(name).shape) >= 2:
+            return shape[-2], shape[-1]
+    return None
+
+
+def _camera(archive: Archive, size: tuple[int, int]) -> CameraHint | None:
+    hint = None
+    if "K" in archive.names:
+        hint = hint_from_matrix(archive.small("K"), size, f"K in {archive.path.name}")
+    if "D" in archive.names and archive.small("D").any():
+        text = f"{archive.path.name}: the distortion `D` is ignored, as such files are known to hold wrong ones"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
+    return hint
+
+
+def _contents(archive: Archive) -> dict[str, str]:
+    contents: dict[str, str] = {}
+    for name, words in (("depth", "depth maps"), ("mask", "masks"), ("classical", "frames")):
+        if name in archive.names:
+            contents[words] = str(archive.header(name).shape[0])
+    if "meta" in archive.names:
+        contents["meta"] = "poses, pickled: not opened"
+    return contents

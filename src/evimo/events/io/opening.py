@@ -1,0 +1,51 @@
+"""Open a recording of any format: recognise it by its content, then by its suffix."""
+
+import warnings
+from pathlib import Path
+
+from evimo.errors import EvimoWarning
+from evimo.events.io.event_file import EventFile
+from evimo.events.io.recognition import SUFFIXES, recognised
+
+
+def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> EventFile:
+    """Open an event recording: packets in constant memory, sensor size, time range, seeking.
+
+    Args:
+        path: a file, or an EVIMO2 folder.
+        sensor: (height, width) in px where the file does not tell; it overrides a file that does.
+
+    Raises:
+        NotFound: there is nothing at `path`.
+        BadFile: it is no event recording that can be read; the message says what it is.
+    """
+    path = Path(path)
+    kind = recognised(path)
+    suffix = path.suffix.lower()
+    if path.is_file() and suffix not in SUFFIXES[kind]:
+        text = f"{path.name} holds {_title(kind)} by its content: its suffix {suffix or '(none)'!r} is ignored"
+        warnings.warn(text, EvimoWarning, stacklevel=2)
+    match kind:
+        case "evimo_npz":
+            from evimo.events.io.evimo_npz import open_evimo_npz as opened
+        case "evimo2":
+            from evimo.events.io.evimo2 import open_evimo2 as opened
+        case "aedat4":
+            from evimo.events.io.aedat4 import open_aedat4 as opened
+        case "event_stream":
+            from evimo.events.io.event_stream import open_event_stream as opened
+        case "rosbag1":
+            from evimo.events.io.rosbag1 import open_rosbag1 as opened
+        case _:
+            from evimo.events.io.text import open_text as opened
+    return opened(path, sensor)
+
+
+def _title(kind: str) -> str:
+    titles = {
+        "evimo_npz": "a NumPy archive",
+        "aedat4": "an AEDAT 4 recording",
+        "event_stream": "an Event Stream",
+        "rosbag1": "a ROS 1 bag",
+    }
+    return titles.get(kind, "text events")

@@ -1,0 +1,122 @@
+"""Which format a file is in: by its first bytes, and where those say nothing, by what a user may have meant."""
+
+import re
+from pathlib import Path
+from typing import Literal
+
+from evimo.errors import BadFile, NotFound
+
+Kind = Literal["evimo_npz", "evimo2", "aedat4", "event_stream", "rosbag1", "text"]
+
+SUFFIXES: dict[Kind, tuple[str, ...]] = {
+    "evimo_npz": (".npz",),
+    "evimo2": (".npy", ".json", ".npz"),
+    "aedat4": (".aedat4",),
+    "event_stream": (".es",),
+    "rosbag1": (".bag",),
+    "text": (".txt", ".csv", ".tsv", ".dat", ""),
+}
+STARTS: dict[bytes, Kind] = {
+    b"PK\x03\x04": "evimo_npz",
+    b"#!AER-DAT4": "aedat4",
+    b"Event Stream": "event_stream",
+    b"#ROSBAG V2": "rosbag1",
+}
+# Recognised, and said to be so, until their readers exist.
+NOT_YET = {
+    b"#!AER-DAT": ("AEDAT 1 to 3", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
+    b"\x89HDF": ("HDF5", "write the events as text: one line `t x y p` each"),
+    b"SQLite format 3": ("a ROS 2 bag (db3)", "convert it to a ROS 1 bag: rosbags-convert --src DIR --dst FILE.bag"),
+    b"\x89MCAP": ("a ROS 2 bag (mcap)", "convert it to a ROS 1 bag: rosbags-convert --src DIR --dst FILE.bag"),
+    b"\x93NUMPY": ("a single NumPy array", "save it as numpy.savez(FILE.npz, events=…) with columns t x y p"),
+}
+NO_RECORDING = {
+    b"\x1f\x8b": ("compressed with gzip", "gunzip it first"),
+    b"BZh": ("compressed with bzip2", "bunzip2 it first"),
+    b"\x28\xb5\x2f\xfd": ("compressed with zstd", "unzstd it first"),
+    b"7z\xbc\xaf": ("a 7-Zip archive", "unpack it first"),
+    b"\x89PNG": ("a picture", "give an event recording"),
+    b"\xff\xd8\xff": ("a picture", "give an event recording"),
+}
+PICKLE = re.compile(rb"\x80[\x02-\x05]|\(dp\d|c\w+\n\w+\n")
+READABLE = "EV-IMO npz, EVIMO2 folder, text or CSV (t x y p), AEDAT 4, Event Stream (.es), ROS 1 bag"
+
+
+def recognised(path: Path) -> Kind:
+    """The format of a recording, from its content.
+
+    Raises:
+        NotFound: there is nothing.
+        BadFile: empty, not readable yet, or no event recording.
+    """
+    if not path.exists():
+        raise NotFound(f"there is no {path}", fix="check the path")
+    if path.is_dir() or (path.name.startswith("dataset_") and (path.parent / "dataset_events_t.npy").exists()):
+        return _folder(path if path.is_dir() else path.parent)
+    start = _start(path)
+    for magic, kind in STARTS.items():
+        if start.startswith(magic):
+            return kind
+    for magic, (what, fix) in NOT_YET.items():
+        if start.startswith(magic):
+            raise BadFile(f"{path.name} is {what}, which is not supported yet", fix=fix)
+    for magic, (what, fix) in NO_RECORDING.items():
+        if start.startswith(magic):
+            raise BadFile(f"{path.name} is {what}", fix=fix)
+    if PICKLE.match(start):
+        raise BadFile(
+            f"{path.name} is a Python pickle, which may run code: it was not opened", fix=f"give one of: {READABLE}"
+        )
+    return _text_or_prophesee(path, start)
+
+
+def _start(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            start = file.read(4096)
+    except OSError as error:
+        raise BadFile(f"{path.name} cannot be read: {error.strerror}", fix="check its permissions") from error
+    if not start:
+        raise BadFile(f"{path.name} is empty (0 bytes)", fix="copy or record it again")
+    return start
+
+
+def _folder(path: Path) -> Kind:
+    if (path / "dataset_events_t.npy").exists():
+        return "evimo2"
+    if (path / "metadata.yaml").exists():
+        what, fix = NOT_YET[b"SQLite format 3"]
+        raise BadFile(f"{path} is {what}, which is not supported yet", fix=fix)
+    raise BadFile(
+        f"the folder {path} holds no EVIMO2 recording (dataset_events_t.npy)", fix="give the recording's own file"
+    )
+
+
+def _text_or_prophesee(path: Path, start: bytes) -> Kind:
+    """Prophesee's files open with lines of `% key value` before bytes; text may open with such comments too."""
+    body = re.sub(rb"\A(%[^\n]*\n)+", b"", start)
+    if re.match(rb"% .*(Version|[Dd]ate|evt|format|geometry|Data file)", start) and _binary(body):
+        version = re.search(rb"evt (\d\.\d)|format (EVT\d+)|Event2dE|Event2d", start)
+        what = version[0].decode() if version else "EVT 2"
+        raise BadFile(
+            f"{path.name} is a Prophesee recording ({what}), which is not supported yet",
+            fix="export it as CSV (t x y p, whole µs) or as an event_camera_msgs bag",
+        )
+    if _binary(start):
+        raise BadFile(
+            f"{path.name} is no event recording: its content is of no known format", fix=f"give one of: {READABLE}"
+        )
+    return "text"
+
+
+def _binary(start: bytes) -> bool:
+    """Whether bytes are there that text does not have."""
+    return bool(re.search(rb"[^\t\n\r\x20-\x7e\x80-\xff]", start)) or (not start.isascii() and _not_utf8(start))
+
+
+def _not_utf8(start: bytes) -> bool:
+    try:
+        start[:-4].decode()
+    except UnicodeDecodeError:
+        return True
+    return False

@@ -1,0 +1,42 @@
+"""Sensor sizes: as the user writes them, and guessed where a file does not tell."""
+
+import re
+import warnings
+from pathlib import Path
+
+from evimo.errors import BadFile, BadInput, EvimoWarning
+
+# (height, width), smallest first: DVS128, DAVIS240, ATIS, DVXplorer Lite, DAVIS346, HVGA, VGA, HD
+KNOWN_SENSORS = ((128, 128), (180, 240), (240, 304), (240, 320), (260, 346), (320, 480), (480, 640), (720, 1280))
+
+
+def sensor_size(written: str) -> tuple[int, int]:
+    """(height, width) from "WxH", as in "346x260".
+
+    Raises:
+        BadInput: it is not two positive numbers joined by x.
+    """
+    match = re.fullmatch(r"\s*(\d+)\s*[xX×]\s*(\d+)\s*", written)
+    if not match or min(width := int(match[1]), height := int(match[2])) < 1:
+        raise BadInput(f"{written!r} is not a sensor size", fix="width x height in pixels, as in --sensor 346x260")
+    return height, width
+
+
+def assumed_sensor(path: Path, extent: tuple[int, int]) -> tuple[int, int]:
+    """The smallest known sensor that holds every pixel of the file, with a warning that says so.
+
+    Raises:
+        BadFile: no known sensor is that large.
+    """
+    height, width = extent
+    largest = f"largest column {width - 1}, largest row {height - 1}"
+    for known in KNOWN_SENSORS:
+        if height <= known[0] and width <= known[1]:
+            warnings.warn(
+                f"{path.name} does not tell its sensor's size: taken as {known[1]}x{known[0]}, "
+                f"the smallest known sensor that holds all its events ({largest}); --sensor WxH sets it",
+                EvimoWarning,
+                stacklevel=2,
+            )
+            return known
+    raise BadFile(f"{path.name} fits no known sensor: {largest}", fix="give its size with --sensor WxH")

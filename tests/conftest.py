@@ -1,0 +1,20 @@
+"""Fixtures that every room uses."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture
+def shared_data() -> Callable[[str], Path]:
+    """The path of a real recording, scan or calibration; skips where the folder beside the checkout is absent."""
+
+    def path(name: str) -> Path:
+        if not (SHARED / name).exists():
+            pytest.skip(f"needs ../shared/data/{name}, real data that is not part of the repository")
+        return SHARED / name
+
+    return path

@@ -1,0 +1,63 @@
+"""Every event of the reference recordings, against counts and digests by independent readers."""
+
+import csv
+import hashlib
+
+import numpy as np
+import pytest
+
+from evimo.events.events import joined
+from evimo.events.io import open_events
+
+DIGESTED = {
+    "es-dvs": "formats/event_stream/dvs.es",
+    "aedat4": "recordings/davis346_road/davis346.aedat4",
+}
+COUNTED = {
+    "formats/event_stream/dvs.es": ((240, 320), 473_225),
+    "recordings/eed_what_is_background/EED_what_is_background_events.es": ((180, 190), 271_264),
+    "recordings/davis346_ball_person/dvSave-2021_01_15_15_43_05.aedat4": ((260, 346), 237_073),
+    "recordings/davis346_road/davis346.aedat4": ((260, 346), 78_830),
+    "recordings/davis240_poster/poster_translation.npz": ((180, 240), 100_000),
+    "formats/aedat/dvxplorer_head.aedat4": ((240, 320), 111_954),
+    "formats/ros/davis346_1s_dvs_msgs.bag": ((260, 346), 35_525),
+    "formats/ros/event_camera_msgs_evt3.bag": ((480, 640), 343_474),
+    "formats/text/ecd_text/events.txt": ((260, 346), 35_525),
+}
+
+
+def digest(column):
+    return hashlib.sha3_224(column.tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("name", DIGESTED)
+def test_columns_have_the_expected_digests(name, shared_data):
+    with shared_data("formats/expected_digests.csv").open() as table:
+        expected = {
+            row["field"]: row["sha3_224_of_the_column_bytes"] for row in csv.DictReader(table) if row["format"] == name
+        }
+    events = joined(list(open_events(shared_data(DIGESTED[name]))))
+    columns = {"t": events.t.astype("<u8"), "x": events.x, "y": events.y, "on": events.p > 0}
+    assert {field: digest(column) for field, column in columns.items()} == {field: expected[field] for field in columns}
+
+
+@pytest.mark.filterwarnings("ignore::evimo.errors.EvimoWarning")
+@pytest.mark.parametrize("name", COUNTED)
+def test_recordings_have_the_expected_size_and_count(name, shared_data):
+    sensor, count = COUNTED[name]
+    recording = open_events(shared_data(name))
+    events = joined(list(recording))
+    assert (recording.sensor, len(events)) == (sensor, count)
+    assert (recording.start_us, recording.stop_us) == (events.t[0], events.t[-1] + 1)
+    assert np.all(np.diff(events.t) >= 0) and recording.faults.dropped == 0
+
+
+@pytest.mark.filterwarnings("ignore::evimo.errors.EvimoWarning")
+@pytest.mark.parametrize("name", COUNTED)
+def test_seeking_finds_what_reading_everything_finds(name, shared_data):
+    recording = open_events(shared_data(name))
+    events = joined(list(recording))
+    span = recording.stop_us - recording.start_us
+    for start, stop in ((0.1, 0.11), (0.5, 0.7), (0.98, 2.0)):
+        window = recording.start_us + int(start * span), recording.start_us + int(stop * span)
+        assert joined(list(recording.packets(*window))).t.tolist() == events.between(*window).t.tolist()
