@@ -120,5 +120,5 @@ def load_report(path: str | Path) -> Report:
             counts=saved["counts"],
             settings=saved["settings"],
         )
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise BadFile(f"{path} is not a report: {error}", fix="the report.json written by evimo evaluate") from error

@@ -9,7 +9,7 @@ from evimo.evaluation import baselines
 from evimo.evaluation.labels import LabelledSlice, labelled
 from evimo.evaluation.report import MODEL, Report
 from evimo.evaluation.scores import estimate_scores
-from evimo.events.slices import in_slices
+from evimo.events.slices import SLICE_US, Slice, in_slices
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.recording import Recording
 
@@ -25,9 +25,10 @@ def labelled_estimates(
     Raises:
         BadInput: the estimates do not follow the recording's slices.
     """
-    slices = in_slices(recording.events.packets())
+    slices: Iterator[Slice] | None = None
     camera = recording.camera
     for estimate in estimates:
+        slices = slices or slices_from(recording, estimate.start_us)
         part = next((each for each in slices if each.start_us >= estimate.start_us), None)
         if part is None or part.start_us != estimate.start_us:
             raise BadInput(f"an estimate at {estimate.t_us} µs has no slice", fix="estimates of this very recording")
@@ -47,6 +48,12 @@ def labelled_estimates(
                 flow=recording.flow(k),
             ),
         )
+
+
+def slices_from(recording: Recording, start_us: int) -> Iterator[Slice]:
+    """Every slice from that time on, the unfinished last one too."""
+    stop_us = recording.events.stop_us + SLICE_US
+    return in_slices(recording.events.packets(start_us=start_us), start_us=start_us, stop_us=stop_us)
 
 
 def score_recording(
