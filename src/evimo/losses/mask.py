@@ -4,7 +4,12 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-_TINY = 1e-6  # added to probabilities before the logarithm: a saturated softmax must keep a finite gradient
+_TINY = 1e-6
+
+
+def _surprise(probability: Tensor) -> Tensor:
+    """-log of a probability, 0 at 1, but about 14 at 0: a saturated softmax must keep a finite gradient."""
+    return -((probability + _TINY) / (1 + _TINY)).log()
 
 
 def one_sided_mask_loss(
@@ -14,7 +19,8 @@ def one_sided_mask_loss(
 
     "All background" is then a perfect answer, so it is not used alone (docs/reproduce.md): see `mask_loss`.
     """
-    return torch.where(valid & ~moving, -(background + _TINY).log(), 0)
+    right = torch.where(valid & ~moving, background, 1)
+    return _surprise(right)
 
 
 def mask_loss(
@@ -24,8 +30,8 @@ def mask_loss(
 
     Times `balance(...)` it gives small objects their say.
     """
-    right = torch.where(moving, 1 - background, background)
-    return torch.where(valid, -(right + _TINY).log(), 0)
+    right = torch.where(valid, torch.where(moving, 1 - background, background), 1)
+    return _surprise(right)
 
 
 def balance(

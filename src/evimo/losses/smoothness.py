@@ -21,6 +21,8 @@ def depth_smoothness(predicted: Float[Tensor, "B 1 H W"]) -> Float[Tensor, "B 1 
 
     Planes whose depth is linear in the image are free. In the unit of the depth: divide it by its mean first.
     """
-    across = pad(predicted.diff(n=2, dim=-1).abs(), (1, 1))
-    along = pad(predicted.diff(n=2, dim=-2).abs(), (0, 0, 1, 1))
+    height, width = predicted.shape[-2:]
+    across, along = predicted.diff(n=2, dim=-1).abs(), predicted.diff(n=2, dim=-2).abs()
+    across = pad(across, (1, width - 1 - across.shape[-1]))
+    along = pad(along, (0, 0, 1, height - 1 - along.shape[-2]))
     return across + along
