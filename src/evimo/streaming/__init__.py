@@ -1,1 +1,9 @@
-"""streaming"""
+"""Packets in, estimates out, in constant memory: `run`, and the files that `evimo run` leaves.
+
+ONNX Runtime runs the exported networks; there is no torch here. `pipeline` joins the stages; `regions`, `identities`
+and `objects` turn the motion mask into objects that keep their ids; `outputs` writes tables, maps and the video.
+"""
+
+from evimo.streaming.pipeline import run
+
+__all__ = ["run"]

@@ -1,0 +1,58 @@
+"""Moving objects, depth and motion from the events of one moving event camera.
+
+    for estimate in evimo.run(evimo.open_events("recording.aedat4"), model="tiny"):
+        print(estimate.t_us, [moving.box for moving in estimate.objects])
+
+The public names are those of `__all__`; each is imported when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from evimo.events.events import Events
+    from evimo.events.io.opening import open_events
+    from evimo.geometry.camera import Camera
+    from evimo.model.checkpoint import load_model
+    from evimo.recordings.estimate import Estimate
+    from evimo.streaming.pipeline import run
+
+__all__ = ["Camera", "Estimate", "Events", "load_model", "open_events", "run"]
+
+_HOMES = {
+    "Camera": "evimo.geometry.camera",
+    "Estimate": "evimo.recordings.estimate",
+    "Events": "evimo.events.events",
+    "load_model": "evimo.model.checkpoint",
+    "open_events": "evimo.events.io.opening",
+    "run": "evimo.streaming.pipeline",
+}
+_TRAINING_ONLY = {"load_model"}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, on first use.
+
+    Raises:
+        MissingExtra: it needs the extra `[train]`, which is not installed.
+    """
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name in _TRAINING_ONLY:
+        _check_training_installed(name)
+    found = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])
+
+
+def _check_training_installed(name: str) -> None:
+    from importlib.util import find_spec
+
+    from evimo.errors import MissingExtra
+
+    if missing := [module for module in ("torch", "safetensors") if find_spec(module) is None]:
+        raise MissingExtra(f"evimo.{name} needs {' and '.join(missing)}", fix='pip install "evimo[train]"')

@@ -1,0 +1,144 @@
+"""`evimo run`: the main job, from a recording to a video, tables and maps."""
+
+import signal
+import sys
+import warnings
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from evimo.cli.progress import progress
+from evimo.errors import BadInput, EvimoWarning
+
+if TYPE_CHECKING:
+    from evimo.streaming.pipeline import Run
+    from evimo.streaming.saving import Control, Saved
+
+SHORT_S = 60.0  # of recording: below it the maps are written unless told otherwise
+STOPPED = 130
+
+
+def run(
+    recording: Path,
+    *,
+    model: str = "tiny",
+    calibration: Path | None = None,
+    sensor: str | None = None,
+    out: Path | None = None,
+    start: float = 0.0,
+    stop: float | None = None,
+    dense: bool | None = None,
+    video: bool = True,
+    video_speed: float = 0.25,
+) -> int:
+    """Find moving objects, depth and motion in a recording.
+
+    Writes video.mp4, egomotion.csv, objects.csv, summary.json, and estimates.h5: the maps of every slice in sensor
+    pixels. What is known up to scale only is called rel_…: its lengths are in mean depths of the scene. Ctrl-C stops
+    early and leaves complete files of what was done.
+
+    Args:
+        recording: an event file of any known format; `evimo info` says what is inside.
+        model: a preset's name, or an .onnx file.
+        calibration: of the camera: kalibr YAML, EV-IMO calib.txt or DV XML. Without it what the recording says of
+            itself, else a guess.
+        sensor: its size as WxH, where the file does not tell.
+        out: folder of the results; out/NAME by default. Files of the same name are replaced once the new ones are
+            complete.
+        start: seconds after the first event. Slices lie on the recording's own clock and do not move with it.
+        stop: seconds after the first event.
+        dense: write estimates.h5; by default for less than 60 s of recording.
+        video: make video.mp4.
+        video_speed: of the video, 1 being real time; the default is slow enough to watch single slices.
+    """
+    if not 0 < video_speed <= 100:
+        raise BadInput(f"a video {video_speed:g} times as fast", fix="--video-speed between 0 and 100, as in 0.25")
+    with _heard_warnings() as heard:
+        prepared = _prepared(recording, sensor, model=model, calibration=calibration, span_s=(start, stop))
+        from evimo.streaming.saving import Wanted, save_run
+
+        dense = prepared.span.length_s < SHORT_S if dense is None else dense
+        wanted = Wanted(dense=dense, video_speed=video_speed if video else None)
+        settings = {"start_s": start, "stop_s": stop, "calibration": calibration and calibration.name, "sensor": sensor}
+        with _controlled(len(prepared.span), heard) as control:
+            saved = save_run(prepared, out or _default_folder(recording), wanted, settings=settings, control=control)
+    if saved is None:
+        raise KeyboardInterrupt
+    print(_told(saved))
+    return STOPPED if saved.summary["interrupted"] else 0
+
+
+def _default_folder(recording: Path) -> Path:
+    return Path("out") / (recording.resolve().stem or "recording")
+
+
+def _prepared(
+    recording: Path, sensor: str | None, *, model: str, calibration: Path | None, span_s: tuple[float, float | None]
+) -> "Run":
+    """The run over a recording, everything checked that can be before it starts."""
+    from evimo.events.io.opening import open_events
+    from evimo.events.io.sensors import sensor_size
+    from evimo.streaming.inference import Network
+    from evimo.streaming.pipeline import Run
+
+    network = Network(model)
+    events = open_events(recording, sensor=sensor_size(sensor) if sensor else None)
+    camera = None
+    if calibration:
+        from evimo.geometry.calibration import load_camera
+
+        camera = load_camera(calibration, size=events.sensor)
+    return Run(events, network, camera=camera, start_s=span_s[0], stop_s=span_s[1])
+
+
+@contextmanager
+def _heard_warnings() -> Generator[list[str]]:
+    """Our warnings as a list for the summary, once each; they are shown as before."""
+    heard: list[str] = []
+    shown = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if issubclass(category, EvimoWarning) and str(message) not in heard:
+            heard.append(str(message))
+        shown(message, category, *where, **more)
+
+    warnings.showwarning = show
+    try:
+        yield heard
+    finally:
+        warnings.showwarning = shown
+
+
+@contextmanager
+def _controlled(total: int, heard: list[str]) -> Generator["Control"]:
+    """Progress for each slice; the first Ctrl-C asks the run to stop, the second one breaks it off."""
+    from evimo.streaming.saving import Control
+
+    control = Control(warnings=heard)
+
+    def ask_to_stop(number: int, frame: FrameType | None) -> None:
+        control.stopped = True
+        signal.signal(signal.SIGINT, before)
+        print("stopping after this slice; Ctrl-C again to give up", file=sys.stderr)
+
+    before = signal.signal(signal.SIGINT, ask_to_stop)
+    try:
+        with progress(total) as advance:
+            control.finished_slice = advance
+            yield control
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _told(saved: "Saved") -> str:
+    """The headline numbers and the files."""
+    facts = saved.summary
+    end = "stopped early; all files are complete up to there: " if facts["interrupted"] else ""
+    objects = facts["objects_seen"]
+    headline = (
+        f"{end}{facts['slices']} slices at {facts['slices_per_s']:.1f} slices/s, "
+        f"{objects} moving object{'' if objects == 1 else 's'} seen"
+    )
+    return "\n".join([headline, *(f"  {path}" for path in saved.files)])

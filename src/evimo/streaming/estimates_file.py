@@ -1,0 +1,96 @@
+"""`estimates.h5`: the maps of every slice in sensor pixels, compressed by a thread of their own."""
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.recordings.estimate import Estimate
+from evimo.streaming.stopwatch import Stopwatch
+from evimo.streaming.threads import Background
+
+GROWTH = 256  # slices by which the file grows at a time
+PER_SLICE = {
+    "t_us": "µs, the slice's centre in the recording's own time",
+    "ego": "camera twist relative to the static world, camera axes: vx vy vz in mean depths/s, wx wy wz in rad/s",
+    "moving_probability": "255 x probability that the pixel shows something that moves by itself",
+    "ids": "0 background, else the number in column `object` of objects.csv",
+    "rel_depth": "depth along the optical axis, in mean depths",
+}
+
+
+class EstimatesFile:
+    """Writes estimates to one HDF5 file; `close` waits for the last one.
+
+    Datasets, N slices of (H, W) sensor pixels: `t_us` (N,) int64, `ego` (N, 6) float64, `moving_probability`
+    (N, H, W) uint8, `ids` (N, H, W) uint8, `rel_depth` (N, H, W) float16, and `valid` (H, W) bool, the same for all
+    slices. One slice is one gzip chunk. Each dataset says its unit and meaning in its attribute `meaning`.
+    """
+
+    def __init__(
+        self, path: Path, valid: NDArray[np.bool_], *, attributes: dict[str, str], watch: Stopwatch | None = None
+    ) -> None:
+        """Start the file.
+
+        Args:
+            path: of the new file.
+            valid: (H, W) as in every estimate that will come.
+            attributes: of the file, such as the model's name.
+            watch: counts the writing as stage `maps`.
+        """
+        self._watch = watch or Stopwatch()
+        self._file = h5py.File(path, "w")
+        self._file.attrs.update(attributes)
+        of_valid = self._file.create_dataset("valid", data=valid, compression="gzip")
+        of_valid.attrs["meaning"] = "sensor pixels that have a place in the rectified image; elsewhere maps say nothing"
+        self._datasets = {
+            "t_us": self._dataset("t_us", (), np.int64),
+            "ego": self._dataset("ego", (6,), np.float64),
+            "moving_probability": self._dataset("moving_probability", valid.shape, np.uint8),
+            "ids": self._dataset("ids", valid.shape, np.uint8),
+            "rel_depth": self._dataset("rel_depth", valid.shape, np.float16),
+        }
+        self._count = 0
+        self._writer = Background(self._append)
+
+    def write(self, estimate: Estimate) -> None:
+        """Hand over one slice."""
+        self._writer.put(estimate)
+
+    def close(self) -> None:
+        """Wait until all is written, and finish the file."""
+        try:
+            self._writer.close()
+            for dataset in self._datasets.values():
+                dataset.resize(self._count, axis=0)
+        finally:
+            self._file.close()
+
+    def _dataset(self, name: str, shape: tuple[int, ...], dtype: Any) -> Any:
+        packing: dict[str, Any] = {"chunks": (GROWTH, *shape)}
+        if len(shape) == 2:
+            packing = {"chunks": (1, *shape), "compression": "gzip", "compression_opts": 1, "shuffle": True}
+        dataset = self._file.create_dataset(name, (0, *shape), dtype, maxshape=(None, *shape), **packing)
+        dataset.attrs["meaning"] = PER_SLICE[name]
+        return dataset
+
+    def _append(self, estimate: Estimate) -> None:
+        with self._watch.stage("maps"):
+            self._put(estimate)
+        self._count += 1
+
+    def _put(self, estimate: Estimate) -> None:
+        if self._count % GROWTH == 0:
+            for dataset in self._datasets.values():
+                dataset.resize(self._count + GROWTH, axis=0)
+        values = {
+            "t_us": estimate.t_us,
+            "ego": estimate.ego,
+            "moving_probability": np.rint(estimate.moving_probability * 255).astype(np.uint8),
+            "ids": estimate.ids,
+            "rel_depth": estimate.rel_depth.astype(np.float16),
+        }
+        for name, value in values.items():
+            self._datasets[name][self._count] = value

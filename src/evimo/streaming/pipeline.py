@@ -1,0 +1,153 @@
+"""The main job: packets in, estimates out, in constant memory.
+
+Three threads share the work: one reads events, cuts slices and makes frames; one runs the networks; the caller's own
+finds objects. Bounded queues join them, so an hour needs no more memory than a second.
+"""
+
+import itertools
+from collections.abc import Generator, Iterator
+from contextlib import closing
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadInput
+from evimo.events.events import Events
+from evimo.events.frames import CHANNELS, PixelTable, Stacks
+from evimo.events.io.event_file import EventFile
+from evimo.events.slices import Slice, in_slices
+from evimo.geometry.camera import Camera, assumed_camera
+from evimo.geometry.rectification import rectified
+from evimo.recordings.estimate import Estimate
+from evimo.streaming.inference import Answer, Network
+from evimo.streaming.objects import ObjectFinder
+from evimo.streaming.span import CONTEXT, span_of
+from evimo.streaming.stopwatch import Stopwatch
+from evimo.streaming.threads import ahead
+
+F4 = NDArray[np.float32]
+
+AHEAD = 2  # stacks waiting between two threads
+
+
+def run(
+    events: EventFile,
+    *,
+    model: str | Path = "tiny",
+    camera: Camera | None = None,
+    start_s: float = 0.0,
+    stop_s: float | None = None,
+) -> Iterator[Estimate]:
+    """Estimate depth, moving objects and motion for each complete slice of 25 ms.
+
+    Args:
+        events: from `open_events`.
+        model: a preset's name, or the path of an ONNX file.
+        camera: of the sensor; without it what the recording says of itself, else a guess (with a warning).
+        start_s: seconds after the first event. Start and stop select slices, they never move them: slice k is
+            [k·25 ms, (k + 1)·25 ms) of the recording's own clock, and its estimate is the same in any span (the ids
+            of objects count from the first slice of the span).
+        stop_s: seconds after the first event; None is the end.
+
+    Raises:
+        NotFound, BadFile: the model.
+        BadInput: the camera is of another size, or the span holds no complete slice.
+    """
+    return _estimates(Run(events, Network(model), camera=camera, start_s=start_s, stop_s=stop_s))
+
+
+def _estimates(prepared: "Run") -> Iterator[Estimate]:
+    with closing(prepared.slices()) as slices:
+        for estimate, _ in slices:
+            yield estimate
+
+
+class Run:
+    """One run over a recording, prepared and checked; `slices` does it.
+
+    span:          the slices it covers.
+    rectification: between sensor pixels and the networks' image.
+    camera_source: where the camera comes from: given, the recording, or assumed.
+    stacks:        counts the events that have no place in that image.
+    finder:        of objects; counts them.
+    stopwatch:     where the time went.
+    """
+
+    def __init__(
+        self,
+        events: EventFile,
+        network: Network,
+        *,
+        camera: Camera | None = None,
+        start_s: float = 0.0,
+        stop_s: float | None = None,
+    ) -> None:
+        """See `run`."""
+        self.events = events
+        self.network = network
+        self.span = span_of(events, start_s=start_s, stop_s=stop_s)
+        camera, self.camera_source = _camera_of(events, camera)
+        self.rectification = rectified(camera)
+        self.rectification.warn_of_invalid()
+        network.check_size(self.rectification.image.size)
+        self.stopwatch = Stopwatch()
+        self.finder = ObjectFinder(self.rectification)
+        self.stacks = Stacks(self._slices(), PixelTable(*self.rectification.table()))
+
+    def slices(self) -> Generator[tuple[Estimate, Events]]:
+        """Each slice's estimate and its events; once."""
+        watch = self.stopwatch
+        frames = ahead(self._frames(), depth=AHEAD)
+        with closing(ahead(self._answers(frames))) as answers:
+            for part, answer in answers:
+                with watch.stage("objects"):
+                    estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
+                yield estimate, part.events
+
+    def _slices(self) -> Iterator[Slice]:
+        span = self.span
+        packets = self.stopwatch.over("reading", self.events.packets(span.read_start_us, span.read_stop_us))
+        slices = in_slices(packets, start_us=span.read_start_us, stop_us=span.read_stop_us)
+        yield from self.stopwatch.over("slicing", slices)
+
+    def _frames(self) -> Iterator[tuple[Slice, F4]]:
+        """Stacks of the span, copied out of the ring: into as many buffers as are in use at once, and one more."""
+        size = self.rectification.image.size
+        buffers = itertools.cycle(np.empty((AHEAD + 2, 2 * CONTEXT + 1, CHANNELS, *size), np.float32))
+        for part, frames in self.stopwatch.over("frames", self.stacks):
+            if self.span.first <= part.index < self.span.last:
+                buffer = next(buffers)
+                with self.stopwatch.stage("frames"):
+                    np.copyto(buffer, frames)
+                yield part, buffer
+
+    def _answers(self, stacks: Generator[tuple[Slice, F4]]) -> Iterator[tuple[Slice, Answer]]:
+        image = self.rectification.image
+        valid = self.rectification.image_valid.astype(np.float32)
+        intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
+        with closing(stacks):
+            for part, frames in stacks:
+                with self.stopwatch.stage("networks"):
+                    answer = self.network.estimate(frames, valid=valid, intrinsics=intrinsics)
+                yield part, answer
+
+
+def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:
+    """The camera to use, and where it comes from."""
+    if camera is not None:
+        source = "given"
+    elif events.camera_hint is not None:
+        fields = asdict(events.camera_hint)
+        source = f"the recording: {fields.pop('source')}"
+        camera = Camera(**fields)
+    else:
+        camera, source = assumed_camera(events.sensor), "assumed"
+    if camera.size != events.sensor:
+        sizes = [f"{size[1]}x{size[0]}" for size in (camera.size, events.sensor)]
+        raise BadInput(
+            f"the calibration is of a {sizes[0]} sensor, the recording of {sizes[1]}",
+            fix="the calibration of the camera that recorded it",
+        )
+    return camera, source

@@ -1,0 +1,94 @@
+"""A whole run saved: every output complete, or none."""
+
+import json
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from evimo.streaming.output_folder import OutputFolder
+from evimo.streaming.outputs import Outputs
+from evimo.streaming.pipeline import Run
+from evimo.streaming.summary import Course, summary
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """What a run should leave beside its tables and its summary.
+
+    dense:       `estimates.h5`.
+    video_speed: of `video.mp4`, 1 being real time; None for no video.
+    """
+
+    dense: bool
+    video_speed: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """What a run left: the content of `summary.json`, and its files."""
+
+    summary: dict[str, Any]
+    files: list[Path]
+
+
+class Control:
+    """What the caller may hang into a run: hear of finished slices, stop it, and pass on the warnings it collected."""
+
+    def __init__(self, *, warnings: Sequence[str] = ()) -> None:
+        self.warnings = warnings
+        self.stopped = False
+
+    def finished_slice(self) -> None:
+        """Called after each slice."""
+
+
+def save_run(
+    run: Run, out: str | Path, wanted: Wanted, *, settings: dict[str, Any] | None = None, control: Control | None = None
+) -> Saved | None:
+    """Do a run and leave its outputs in the folder `out`; None if it was stopped before its first slice was done.
+
+    A run that is stopped leaves complete outputs of the slices that were done; one that fails leaves nothing, and what
+    was in the folder stays.
+
+    Args:
+        run: prepared, not yet started.
+        out: folder, made where missing.
+        wanted: which outputs.
+        settings: of the caller, for `summary.json`.
+        control: see there.
+
+    Raises:
+        BadInput: the folder cannot be written.
+        BadFile: the recording turns out to be broken.
+    """
+    control = control or Control()
+    with OutputFolder(out) as folder:
+        course = _write_all(run, folder, wanted, control)
+        if not course.slices:
+            return None
+        content = summary(run, course, settings=asdict(wanted) | (settings or {}), warnings=control.warnings)
+        folder.path("summary.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        return Saved(content, folder.keep())
+
+
+def _write_all(run: Run, folder: OutputFolder, wanted: Wanted, control: Control) -> Course:
+    started_s = first_s = time.perf_counter()
+    count = 0
+    outputs = Outputs(folder, run, dense=wanted.dense, video_speed=wanted.video_speed)
+    with closing(outputs), closing(run.slices()) as slices:
+        for estimate, events in slices:
+            first_s = first_s if count else time.perf_counter()
+            outputs.write(estimate, events)
+            count += 1
+            control.finished_slice()
+            if control.stopped:
+                break
+    return Course(
+        slices=count,
+        startup_s=first_s - started_s,
+        running_s=time.perf_counter() - first_s,
+        interrupted=count < len(run.span),
+    )

@@ -1,0 +1,64 @@
+"""Which slices a run covers: the grid belongs to the recording's clock, whatever start and stop are."""
+
+import math
+from dataclasses import dataclass
+
+from evimo.errors import BadInput
+from evimo.events.io.event_file import EventFile
+from evimo.events.slices import SLICE_US
+
+CONTEXT = 2  # slices before and after the reference slice in a stack of five
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """The slices first <= k < last of a recording, and what has to be read for them.
+
+    read_start_us, read_stop_us: events of the slices and their neighbours in the stacks.
+    """
+
+    first: int
+    last: int
+    read_start_us: int
+    read_stop_us: int
+
+    def __len__(self) -> int:
+        return max(0, self.last - self.first)
+
+    @property
+    def length_s(self) -> float:
+        """Seconds of recording that the slices cover."""
+        return len(self) * SLICE_US / 1e6
+
+
+def span_of(events: EventFile, *, start_s: float = 0.0, stop_s: float | None = None) -> Span:
+    """The slices from the one that holds `start_s` to the last one that ends by `stop_s`.
+
+    Args:
+        events: the recording.
+        start_s: seconds after its first event.
+        stop_s: seconds after its first event; None is the end.
+
+    Raises:
+        BadInput: the span holds no complete slice.
+    """
+    length_s = (events.stop_us - events.start_us) / 1e6
+    until_s = length_s if stop_s is None else stop_s
+    if not (math.isfinite(start_s) and math.isfinite(until_s)) or not 0 <= start_s < min(until_s, length_s):
+        raise BadInput(
+            f"from {start_s:g} s to {until_s:g} s is no part of a recording of {length_s:.3f} s",
+            fix=f"0 <= start < stop <= {length_s:.3f}, in seconds after the first event",
+        )
+    stop_us = min(events.start_us + round(until_s * 1e6), events.stop_us)
+    first, last = (events.start_us + round(start_s * 1e6)) // SLICE_US, stop_us // SLICE_US
+    if first >= last:
+        raise BadInput(
+            f"no complete slice of {SLICE_US / 1e3:g} ms between {start_s:g} s and {until_s:g} s",
+            fix="a longer span; slices lie on multiples of 25 ms of the recording's own clock",
+        )
+    return Span(
+        first=first,
+        last=last,
+        read_start_us=max(events.start_us, (first - CONTEXT) * SLICE_US),
+        read_stop_us=min(events.stop_us, (last + CONTEXT) * SLICE_US),
+    )

@@ -1,0 +1,47 @@
+"""Where the time goes: exclusive wall time of each stage, over several threads."""
+
+import threading
+import time
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+class Stopwatch:
+    """Wall time by stage, in seconds. A stage inside another one is taken off it; threads run side by side.
+
+    Each stage belongs to one thread at a time.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._running = threading.local()
+
+    @contextmanager
+    def stage(self, name: str) -> Generator[None]:
+        """Count the time inside the `with` as `name`."""
+        outer: float = getattr(self._running, "inner_s", 0.0)
+        self._running.inner_s, start = 0.0, time.perf_counter()
+        try:
+            yield
+        finally:
+            elapsed = time.perf_counter() - start
+            self.seconds[name] = self.seconds.get(name, 0.0) + elapsed - self._running.inner_s
+            self._running.inner_s = outer + elapsed
+
+    def over(self, name: str, items: Iterable[T]) -> Iterator[T]:
+        """The same items; the time that making each takes is counted as `name`."""
+        iterator = iter(items)
+        while True:
+            with self.stage(name):
+                try:
+                    item = next(iterator)
+                except StopIteration:
+                    return
+            yield item
+
+    def mean_ms(self, count: int) -> dict[str, float]:
+        """Milliseconds of each stage per item, of `count` items."""
+        return {name: round(1e3 * seconds / max(count, 1), 3) for name, seconds in self.seconds.items()}

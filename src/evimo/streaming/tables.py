@@ -1,0 +1,45 @@
+"""The tables of a run: `egomotion.csv`, one row per slice, and `objects.csv`, one row per object and slice."""
+
+import csv
+from pathlib import Path
+
+from evimo.recordings.estimate import Estimate
+
+EGO_COLUMNS = ("t_us", "rel_vx", "rel_vy", "rel_vz", "wx", "wy", "wz")
+OBJECT_COLUMNS = ("t_us", "object", "x0", "y0", "x1", "y1", "area_px", "centroid_x", "centroid_y") + (
+    "rel_distance",
+    "rel_vx",
+    "rel_vy",
+    "rel_vz",
+)
+
+
+class Tables:
+    """Both tables of a run, written as it goes.
+
+    t_us is the slice's centre in the recording's own time. `rel_` velocities are in mean depths per second, wx, wy, wz
+    in rad/s, all in camera axes; boxes (last column and row included) and centroids are in sensor px.
+    """
+
+    def __init__(self, egomotion: Path, objects: Path) -> None:
+        self._files = [path.open("w", newline="", encoding="utf-8") for path in (egomotion, objects)]
+        self._ego, self._objects = (csv.writer(file, lineterminator="\n") for file in self._files)
+        self._ego.writerow(EGO_COLUMNS)
+        self._objects.writerow(OBJECT_COLUMNS)
+
+    def write(self, estimate: Estimate) -> None:
+        """Add one slice."""
+        self._ego.writerow((estimate.t_us, *_rounded(*estimate.ego)))
+        for one in estimate.objects:
+            numbers = _rounded(*one.centroid, one.rel_distance, *one.rel_velocity)
+            self._objects.writerow((estimate.t_us, one.id, *one.box, one.area_px, *numbers))
+
+    def close(self) -> None:
+        """Finish both files."""
+        for file in self._files:
+            file.close()
+
+
+def _rounded(*numbers: float) -> list[str]:
+    """Six digits: more than any estimate is worth."""
+    return [f"{number:.6g}" for number in numbers]
