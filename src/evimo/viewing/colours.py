@@ -57,7 +57,7 @@ def id_table() -> Image:
 def depth_table() -> Image:
     """(256, 3) uint8 from nearest (bright) to farthest (dark), perceptually even."""
     ramp = np.arange(255, -1, -1, dtype=np.uint8)[:, None]
-    return np.ascontiguousarray(cv2.applyColorMap(ramp, cv2.COLORMAP_VIRIDIS).reshape(256, 3)[:, ::-1])
+    return np.array(cv2.applyColorMap(ramp, cv2.COLORMAP_VIRIDIS).reshape(256, 3)[:, ::-1], np.uint8)
 
 
 def depth_index(rel_depth: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -68,12 +68,19 @@ def depth_index(rel_depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.clip(log_depth * gain - near * gain, 0, 255).astype(np.uint8)
 
 
+def painted(indices: NDArray[np.uint8], table: Image) -> Image:
+    """`table[indices]`, ten times faster; indices (H, W), table (256, 3)."""
+    return np.asarray(cv2.applyColorMap(indices, table[:, None]), np.uint8)
+
+
 def direction_colours(velocity: NDArray[np.float64], *, full: float) -> Image:
     """Colours of velocities in the image plane.
 
     Args:
         velocity: (..., 2), x to the right and y down.
-        full: speed from which on the colour is pure; slower fades to grey.
+        full: speed from which on the colour is pure; slower fades to grey, hardly
+            so down to half of it.
+
     Returns:
         (..., 3) uint8 RGB.
     """
@@ -83,13 +90,13 @@ def direction_colours(velocity: NDArray[np.float64], *, full: float) -> Image:
     quarter = np.minimum(turn.astype(int), 3)
     between = (turn - quarter)[..., None]
     pure = corners[quarter] * (1 - between) + corners[quarter + 1] * between
-    strength = np.minimum(np.hypot(x, y) / full, 1)[..., None]
+    strength = 1 - np.square(1 - np.minimum(np.hypot(x, y) / full, 1))[..., None]
     return _as_rgb(corners[-1] * (1 - strength) + pure * strength)
 
 
 def _as_lab(rgb: Image) -> NDArray[np.float32]:
     flat = rgb.reshape(1, -1, 3).astype(np.float32) / 255
-    return cv2.cvtColor(flat, cv2.COLOR_RGB2LAB).reshape(rgb.shape)
+    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2LAB), np.float32).reshape(rgb.shape)
 
 
 def _as_rgb(lab: NDArray[np.float64]) -> Image:

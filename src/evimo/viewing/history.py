@@ -59,7 +59,7 @@ def plot(image: Image, box: Box, ages_s: NDArray[np.float64], values: NDArray[np
     The legend below names the axes and their present values.
     """
     limit = round_limit(float(np.abs(values).max(initial=0)))
-    area = Box(box.x + 40, box.y, box.width - 46, box.height - 44)
+    area = Box(box.x + 40, box.y, box.width - 46, box.height - 38)
     _rulers(image, area, limit)
     middle, half = area.y + (area.height - 1) / 2, (area.height - 1) / 2 - 2
     columns = area.right - 1 - ages_s / (SPAN_US / 1e6) * (area.width - 1)

@@ -31,7 +31,7 @@ class Box(NamedTuple):
         return self.y + self.height
 
     def of(self, image: Image) -> Image:
-        """This part of the image, as a view."""
+        """The part of the image inside the box, as a view."""
         return image[self.y : self.bottom, self.x : self.right]
 
     def overlap(self, other: "Box") -> int:
@@ -67,10 +67,13 @@ def layout_of(size: tuple[int, int]) -> Layout:
     shown = max(round(height * scale), 1), max(round(width * scale), 1)
     cell = max(shown[0], _SMALLEST_CELL[0]), max(shown[1], _SMALLEST_CELL[1])
 
-    corners = [(GAP + column * (cell[1] + GAP), GAP + row * (cell[0] + HEADER + GAP)) for row in (0, 1) for column in (0, 1)]
+    corners = [
+        (GAP + column * (cell[1] + GAP), GAP + row * (cell[0] + HEADER + GAP)) for row in (0, 1) for column in (0, 1)
+    ]
     headers = [Box(x, y, cell[1], HEADER) for x, y in corners]
     images = [
-        Box(x + (cell[1] - shown[1]) // 2, y + HEADER + (cell[0] - shown[0]) // 2, shown[1], shown[0]) for x, y in corners
+        Box(x + (cell[1] - shown[1]) // 2, y + HEADER + (cell[0] - shown[0]) // 2, shown[1], shown[0])
+        for x, y in corners
     ]
     right, bottom = headers[3].right, headers[3].bottom + cell[0]
     sidebar = Box(right + GAP, GAP, SIDEBAR, bottom - GAP)

@@ -3,16 +3,19 @@
 import numpy as np
 
 from evimo.viewing.colours import (
+    CARD,
     DEPTH_RANGE,
+    MOVING_WITHOUT_ID,
     MUTED,
     NEGATIVE,
     POSITIVE,
+    RGB,
     Image,
     depth_table,
     direction_colours,
 )
 from evimo.viewing.layout import Box, Layout
-from evimo.viewing.maps import hatch
+from evimo.viewing.maps import FILL, hatch
 from evimo.viewing.strokes import PLAIN, SMALL, TITLE, swatch, text_width, write, z_sign
 
 
@@ -21,10 +24,12 @@ def titles(image: Image, layout: Layout) -> None:
     names = ("Events", "Moving objects", "Relative depth", "Object velocity")
     for name, header in zip(names, layout.headers, strict=True):
         write(image, name, (header.x, header.y + 16), size=TITLE, bold=True)
-    events, mask, depth, _ = layout.headers
-    _polarities(image, events)
-    _unknown(image, mask)
+    events, mask, depth, velocity = layout.headers
+    _swatches(image, events, {"brighter": POSITIVE, "darker": NEGATIVE})
+    _swatches(image, mask, {"moving, no id": _over_card(MOVING_WITHOUT_ID), "no data": hatch((11, 11))})
     _depths(image, depth)
+    hint = "id: speed, mean depths/s"
+    write(image, hint, (velocity.right, velocity.y + 16), colour=MUTED, align="right")
 
 
 def wheel(image: Image, box: Box) -> None:
@@ -50,23 +55,16 @@ def depth_signs(image: Image, at: tuple[int, int]) -> None:
         x = write(image, name, (x + 22, y), size=PLAIN, colour=MUTED) + 24
 
 
-def _polarities(image: Image, header: Box) -> None:
-    entries = (("brighter", POSITIVE), ("darker", NEGATIVE))
-    x = header.right - sum(text_width(name) + 16 for name, _ in entries) - 14
-    for name, colour in entries:
-        x = write(image, name, (swatch(image, (x, header.y + 16), colour=colour), header.y + 16), colour=MUTED) + 14
-
-
-def _unknown(image: Image, header: Box) -> None:
-    name = "no data"
-    x, y = header.right - text_width(name), header.y + 16
-    write(image, name, (x, y), colour=MUTED)
-    image[y - 5 : y + 6, x - 23 : x - 5] = hatch((11, 18))
+def _swatches(image: Image, header: Box, entries: dict[str, RGB | Image]) -> None:
+    """Names with their colours, or pictures of 11 x 11 px, at the right of a title bar."""
+    x, y = header.right + 14 - sum(text_width(name) + 30 for name in entries), header.y + 16
+    for name, fill in entries.items():
+        x = write(image, name, (swatch(image, (x, y), fill=fill), y), colour=MUTED) + 14
 
 
 def _depths(image: Image, header: Box) -> None:
     """The colour bar, near on the left; every factor of two has a tick."""
-    width = 168
+    width = 150
     x, y = header.right - width - 12, header.y + 5
     near, far = np.log2(DEPTH_RANGE)
     image[y : y + 9, x : x + width] = depth_table()[np.linspace(0, 255, width).astype(int)]
@@ -75,3 +73,8 @@ def _depths(image: Image, header: Box) -> None:
         image[y + 9 : y + 12, column] = MUTED
         write(image, f"{2.0**power:g}", (column, y + 19), size=SMALL, colour=MUTED, align="centre")
     write(image, "mean depths", (x - 12, y + 4), size=SMALL, colour=MUTED, align="right")
+
+
+def _over_card(colour: RGB) -> Image:
+    """A colour as it looks inside a mask."""
+    return np.rint(np.array(colour) * FILL + np.array(CARD) * (1 - FILL)).astype(np.uint8)

@@ -1,14 +1,17 @@
 """Maps in sensor pixels as pictures of the size of a panel."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.events.events import Events
-from evimo.viewing.colours import CARD, NEGATIVE, POSITIVE, RGB, RULE, Image, depth_index
+from evimo.viewing.colours import CARD, NEGATIVE, POSITIVE, RGB, RULE, Image, depth_index, painted
 from evimo.viewing.strokes import polyline
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 FILL = 0.55
 """Share of the object's colour inside its mask; the rest is what lies below."""
@@ -34,16 +37,19 @@ class Zoom:
         """(height, width) in which pictures are painted."""
         return min(self.sensor, self.shown)
 
-    def reduced(self, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    def reduced(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """A map at working size: its nearest pixels."""
         if values.shape[:2] == self.work:
             return values
-        as_bytes = values.view(np.uint8) if values.dtype == np.bool_ else values
-        return cv2.resize(as_bytes, self.work[::-1], interpolation=cv2.INTER_NEAREST_EXACT).astype(values.dtype, copy=False)
+        rows, columns = [
+            ((np.arange(small) + 0.5) * large / small).astype(np.intp)
+            for small, large in zip(self.work, self.sensor, strict=True)
+        ]
+        return values.take(rows, axis=0).take(columns, axis=1)
 
-    def enlarged(self, image: Image) -> Image:
-        """A picture from working size to panel size; the edges of pixels stay sharp."""
-        return cv2.resize(image, self.shown[::-1], interpolation=cv2.INTER_AREA)
+    def enlarge(self, image: Image, *, into: Image) -> None:
+        """Fill a panel with a picture of working size; the edges of pixels stay sharp."""
+        cv2.resize(image, self.shown[::-1], dst=into, interpolation=cv2.INTER_AREA)
 
     def point(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Panel position of sensor positions (..., 2); integers are pixel centres in both."""
@@ -52,13 +58,13 @@ class Zoom:
 
 
 def polarity_table() -> Image:
-    """(7, 3) colours of `event_levels`: red brighter, blue darker."""
-    return np.array([CARD, *(_faded(colour, level) for colour in (NEGATIVE, POSITIVE) for level in _LEVELS)], np.uint8)
+    """(256, 3) colours of `event_levels`: red brighter, blue darker."""
+    return _table([_faded(colour, level) for colour in (NEGATIVE, POSITIVE) for level in _LEVELS])
 
 
 def grey_table(white: int) -> Image:
-    """(7, 3) greys of `event_levels`, up to this brightness."""
-    return np.array([CARD, *(_faded((white, white, white), level) for level in _LEVELS * 2)], np.uint8)
+    """(256, 3) greys of `event_levels`, up to this brightness."""
+    return _table([_faded((white, white, white), level) for level in _LEVELS * 2])
 
 
 def event_levels(events: Events, zoom: Zoom) -> NDArray[np.uint8]:
@@ -84,13 +90,13 @@ def tinted(image: Image, tint: Image, mask: NDArray[np.bool_]) -> None:
 
 def depth_picture(rel_depth: NDArray[np.float32], *, known: NDArray[np.bool_], table: Image) -> Image:
     """Depths through the colour table; 1 mean depth where not `known`."""
-    return table[depth_index(np.where(known, rel_depth, np.float32(1)))]
+    return painted(depth_index(np.where(known, rel_depth, np.float32(1))), table)
 
 
 def outline(image: Image, mask: NDArray[np.bool_], *, zoom: Zoom, colour: RGB) -> None:
     """Draw the border of a mask of working size on a picture of panel size, in place."""
     ratio = np.array(zoom.shown[::-1]) / np.array(zoom.work[::-1])
-    contours, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    contours, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     for contour in contours:
         ring = np.concatenate([contour[:, 0], contour[:1, 0]])
         polyline(image, (ring + 0.5) * ratio - 0.5, colour=colour)
@@ -107,7 +113,13 @@ def hatched(image: Image, stripes: Image, *, unknown: NDArray[np.bool_]) -> None
     """Lay the stripes over a panel where a mask of working size says so, in place."""
     if unknown.any():
         mask = cv2.resize(unknown.view(np.uint8), image.shape[1::-1], interpolation=cv2.INTER_NEAREST_EXACT)
-        image[:] = cv2.copyTo(stripes, mask, image.copy())
+        cv2.copyTo(stripes, mask, image)
+
+
+def _table(colours: list[list[int]]) -> Image:
+    table = np.full((256, 3), CARD, np.uint8)
+    table[1 : 1 + len(colours)] = colours
+    return table
 
 
 def _faded(colour: RGB, level: float) -> list[int]:

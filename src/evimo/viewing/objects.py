@@ -31,9 +31,11 @@ def velocity_table(objects: Sequence[MovingObject], *, full: float) -> Image:
 
 def label_objects(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom) -> None:
     """Write each object's id beside it, in place."""
-    taken: list[Box] = []
+    boxes = {one.id: _box(one, zoom) for one in objects}
+    labels: list[Box] = []
     for one in objects:
-        _label(panel, f"{one.id}", one, zoom=zoom, taken=taken)
+        others = [box for object_id, box in boxes.items() if object_id != one.id]
+        labels.append(_label(panel, f"{one.id}", one, around=boxes[one.id], taken=[*labels, *others]))
 
 
 def draw_velocities(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom, full: float) -> None:
@@ -54,13 +56,13 @@ def draw_velocities(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom
         low, high = np.minimum(start, stop) - 6, np.maximum(start, stop) + 6
         taken.append(Box(int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])))
     for one in objects:
-        _label(panel, described(one), one, zoom=zoom, taken=taken)
+        taken.append(_label(panel, described(one), one, around=_box(one, zoom), taken=taken))
 
 
 def described(one: MovingObject) -> str:
     """Id, speed in mean depths per second, and whether it comes or goes: `2: 0.41 away`."""
     velocity = _velocity(one)
-    words = ("" if not speaks_of_z(velocity) else " towards" if velocity[2] < 0 else " away")
+    words = "" if not speaks_of_z(velocity) else " towards" if velocity[2] < 0 else " away"
     return f"{one.id}: {np.linalg.norm(velocity):.2f}{words}"
 
 
@@ -79,14 +81,17 @@ def inside(
     return start + move, stop + move
 
 
-def _label(panel: Image, text: str, one: MovingObject, *, zoom: Zoom, taken: list[Box]) -> None:
+def _box(one: MovingObject, zoom: Zoom) -> Box:
     left, top = zoom.point(np.array(one.box[:2]) - 0.5)
     right, bottom = zoom.point(np.array(one.box[2:]) + 0.5)
-    around = Box(round(left), round(top), round(right - left), round(bottom - top))
+    return Box(round(left), round(top), round(right - left), round(bottom - top))
+
+
+def _label(panel: Image, text: str, one: MovingObject, *, around: Box, taken: Sequence[Box]) -> Box:
     width = text_width(text, bold=True) + 8
     place = free_place((_LABEL_HEIGHT, width), around=around, inside=panel.shape[:2], taken=taken)
     chip(panel, text, place, colour=id_colour(one.id))
-    taken.append(place)
+    return place
 
 
 def _velocity(one: MovingObject) -> NDArray[np.float64]:

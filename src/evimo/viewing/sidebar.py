@@ -3,30 +3,32 @@
 import numpy as np
 
 from evimo.recordings.estimate import Estimate
-from evimo.viewing.colours import CARD, INK, MUTED, RULE, X_AXIS, Y_AXIS, Z_AXIS, Image
+from evimo.viewing.colours import CARD, MUTED, RULE, X_AXIS, Y_AXIS, Z_AXIS, Image
 from evimo.viewing.history import History, plot
 from evimo.viewing.layout import Box
 from evimo.viewing.legends import depth_signs, wheel
-from evimo.viewing.strokes import PLAIN, TITLE, arrow, text_width, write
+from evimo.viewing.strokes import TITLE, arrow, write
 
 _PAD = 14
 _STATUS = 92
-_WHEEL = 196
-_TITLE = 26
+_LEGEND = 212
 
 
 class Sidebar:
-    """Draws into one box of the frame; the parts that never change are drawn once by `prepare`."""
+    """Draws into one box of the frame; the parts that never change are drawn once by `prepare`.
 
-    def __init__(self, box: Box) -> None:
-        self._box = box
+    `longest_arrow`: length in px of the arrow of the speed limit.
+    """
+
+    def __init__(self, box: Box, *, longest_arrow: float) -> None:
+        self._box, self._longest = box, longest_arrow
         left, width = box.x + _PAD, box.width - 2 * _PAD
         self._status = Box(left, box.y + 8, width, _STATUS)
-        self._legend = Box(left, box.bottom - _WHEEL, width, _WHEEL)
+        self._legend = Box(left, box.bottom - _LEGEND, width, _LEGEND)
         motion = Box(left, self._status.bottom + 6, width, self._legend.y - self._status.bottom - 16)
         self._motion_title = Box(motion.x, motion.y, width, 44)
         height = (motion.height - 44) // 2
-        self._plots = [Box(motion.x, motion.y + 44 + row * height + 20, width, height - 26) for row in (0, 1)]
+        self._plots = [Box(motion.x, motion.y + 44 + row * height + 26, width, height - 34) for row in (0, 1)]
 
     def prepare(self, image: Image) -> None:
         """Titles and legends, in place."""
@@ -36,10 +38,10 @@ class Sidebar:
         for name, colour in (("x right", X_AXIS), ("y down", Y_AXIS), ("z forward", Z_AXIS)):
             x = write(image, name, (x, y), colour=colour) + 14
         for box, name in zip(self._plots, ("translation, mean depths/s", "rotation, rad/s"), strict=True):
-            write(image, name, (box.x, box.y - 10), colour=MUTED)
+            write(image, name, (box.x, box.y - 12), colour=MUTED)
         self._title(image, "Object velocity", self._legend.y)
-        wheel(image, Box(self._legend.x, self._legend.y + 24, self._legend.width, 128))
-        depth_signs(image, (self._legend.x, self._legend.bottom - 12))
+        wheel(image, Box(self._legend.x, self._legend.y + 28, self._legend.width, 124))
+        depth_signs(image, (self._legend.x, self._legend.bottom - 18))
 
     def draw(self, image: Image, estimate: Estimate, *, events: int, history: History, time_origin_us: int) -> None:
         """What changes from slice to slice, in place."""
@@ -50,15 +52,19 @@ class Sidebar:
         plural = "" if len(estimate.objects) == 1 else "s"
         write(image, f"{len(estimate.objects)} moving object{plural}", (x, y + 43))
         write(image, f"{events:,} events".replace(",", " "), (x, y + 62), colour=MUTED)
-        write(image, f"slice {length_us / 1e3:g} ms, {1e6 / max(length_us, 1):.0f} per second", (x, y + 81), colour=MUTED)
+        write(
+            image, f"slice {length_us / 1e3:g} ms, {1e6 / max(length_us, 1):.0f} per second", (x, y + 81), colour=MUTED
+        )
         for box, values in zip(self._plots, (history.twists[:, :3], history.twists[:, 3:]), strict=True):
             plot(image, box, history.ages_s, values)
         self._scale(image, history.speed_limit)
 
     def _scale(self, image: Image, full: float) -> None:
-        y = self._legend.bottom - 34
-        arrow(image, np.array([self._legend.x, y]), np.array([self._legend.x + 40.0, y]))
-        write(image, f"{full:g} mean depths/s", (self._legend.x + 50, y), colour=MUTED)
+        y = self._legend.bottom - 44
+        start = np.array([self._legend.x + 1.0, y])
+        stop = start + (self._longest / 2, 0)
+        arrow(image, start, stop)
+        write(image, f"{full / 2:g} mean depths/s", (stop[0] + 10, y), colour=MUTED)
 
     def _title(self, image: Image, name: str, y: int) -> None:
         image[y, self._box.x + _PAD : self._box.right - _PAD] = RULE

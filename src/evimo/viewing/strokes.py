@@ -43,11 +43,11 @@ def write(
     return left + width
 
 
-def swatch(image: Image, at: tuple[int, int], *, colour: RGB, side: int = 11) -> int:
-    """A filled square of a legend, centred on row `at[1]`; returns the column behind it and a space."""
-    x, y = at[0], at[1] - side // 2
-    image[y : y + side, x : x + side] = colour
-    return x + side + 5
+def swatch(image: Image, at: tuple[int, int], *, fill: RGB | Image) -> int:
+    """A square of 11 px of a legend, centred on row `at[1]`; returns the column behind it and a space."""
+    x, y = at[0], at[1] - 5
+    image[y : y + 11, x : x + 11] = fill
+    return x + 16
 
 
 def chip(image: Image, text: str, box: Box, *, colour: RGB) -> None:
@@ -83,7 +83,7 @@ def polyline(image: Image, points: NDArray[np.float64], *, colour: RGB, thicknes
 
 
 def free_place(size: tuple[int, int], *, around: Box, inside: tuple[int, int], taken: Sequence[Box]) -> Box:
-    """Where a label fits next to a box: above it, below, right, left, then further away.
+    """Where a label fits to a box: amid a large one, else above, below, right, left, within, further away.
 
     Args:
         size: (height, width) of the label.
@@ -92,15 +92,24 @@ def free_place(size: tuple[int, int], *, around: Box, inside: tuple[int, int], t
         taken: what it should not cover; the place that covers least is chosen.
     """
     height, width = size
-    places = [(around.right + 2, around.y), (around.x - width - 2, around.y)]
-    for away in range(4):
-        above, below = around.y - (away + 1) * (height + 2), around.bottom + 2 + away * (height + 2)
-        places[2 * away : 2 * away] = [(around.x, above), (around.x, below)]
+    above, below = around.y - height - 2, around.bottom + 2
+    places = [(around.x, above), (around.x, below), (around.right + 2, around.y), (around.x - width - 2, around.y)]
+    middle = around.x + (around.width - width) // 2, around.y + (around.height - height) // 2
+    if around.width >= 2 * width and around.height >= 2 * height:
+        places = [middle, *places]
+    places += [(middle[0], around.y + 4), (middle[0], around.bottom - height - 4)]
+    places += [(around.x, row) for step in (20, 40, 60) for row in (above - step, below + step)]
     boxes = [
         Box(min(max(x, 0), max(inside[1] - width, 0)), min(max(y, 0), max(inside[0] - height, 0)), width, height)
         for x, y in places
     ]
-    return min(boxes, key=lambda box: sum(box.overlap(other) for other in taken))
+    covered: dict[int, Box] = {}
+    for box in boxes:
+        cost = sum(box.overlap(other) for other in taken)
+        if cost == 0:
+            return box
+        covered.setdefault(cost, box)
+    return covered[min(covered)]
 
 
 def _font(bold: bool) -> int:
