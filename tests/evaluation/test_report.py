@@ -19,7 +19,12 @@ def report_of(sample, mask) -> Report:
     density = baselines.density_scores(sample, (1.0, 2.0))
     rows = {MODEL: mask_scores(mask, sample), **baselines.trivial_scores(sample)}
     return Report(
-        "simulated recordings", rows, density, {"slices": 1}, {"model": "hand made", "density threshold": 3.0}
+        "simulated recordings",
+        rows,
+        groups={"set 1": rows[MODEL]},
+        density=density,
+        counts={"slices": 1},
+        settings={"model": "hand made", "density threshold": 3.0},
     )
 
 
@@ -77,7 +82,7 @@ def test_tables_hold_every_row_and_the_numbers(report):
     assert "# simulated recordings" in page
     for row in (MODEL, baselines.ALL_BACKGROUND, baselines.EVERYTHING, baselines.MEAN_DEPTH, baselines.ZERO_FLOW):
         assert f"| {row} |" in page
-    assert "| model | 0.500 |" in page
+    assert "| model | 0.500 |" in page and "| model, set 1 | 0.500 |" in page
     assert "2 slices" in page and "model: hand made" in page
     assert baselines.DENSITY_ORACLE in page
 

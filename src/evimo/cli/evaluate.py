@@ -7,21 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
 from evimo import streaming
+from evimo.cli.progress import progress
 from evimo.errors import BadFile, NotFound
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.report import Report, load_report
 from evimo.evaluation.scoring import score_recording
 from evimo.evaluation.tables import as_markdown, as_rich
-from evimo.events.slices import SLICE_US
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.recording import Recording, open_recording
 from evimo.streaming.inference import Network
 
 INFO = "dataset_info.json"
-SIMULATED = "sim"  # key of a recording's meta that only our simulator writes
 WIDTH = 150
 
 
@@ -55,7 +53,7 @@ def recordings_in(paths: Iterable[Path]) -> list[Path]:
     """
     found: dict[Path, None] = {}
     for path in paths:
-        folders = [file.parent for file in sorted(path.rglob(INFO))]
+        folders = [file.parent for file in sorted(path.rglob(INFO)) if not file.parent.name.startswith(".")]
         if not folders:
             raise NotFound(
                 f"no recording in {str(path)!r}",
@@ -76,36 +74,32 @@ def evaluated(folders: list[Path], *, model: str, out: Path | None, density_thre
         "evimo": importlib.metadata.version("evimo"),
     }
     recordings = [open_recording(folder) for folder in folders]
-    title = "simulated recordings" if all(SIMULATED in each.meta for each in recordings) else "recordings"
+    kept = [kept_at(out, recording) for recording in recordings]
+    reports = [scored_before(path, settings) for path in kept]
     total = Report()
-    with progress() as bar:
-        task = bar.add_task("", total=sum(map(slice_count, recordings)))
-        for recording in recordings:
-            bar.update(task, description=recording.path.name)
-            kept = None if out is None else out / "recordings" / f"{recording.path.name}-{mark(recording.path)}.json"
-            report = scored_before(kept, settings)
+    with progress(sum(len(each) for each, report in zip(recordings, reports, strict=True) if report is None)) as tick:
+        for recording, path, report in zip(recordings, kept, reports, strict=True):
             if report is None:
                 estimates = streaming.run(recording.events, model=model, camera=recording.camera)
-                ticking = ticked(estimates, lambda: bar.advance(task))
-                scored = score_recording(recording, ticking, density_threshold=density_threshold)
+                scored = score_recording(
+                    recording,
+                    ticked(estimates, tick),
+                    density_threshold=density_threshold,
+                    group=f"set {recording.meta.get('set', 'unknown')}",
+                )
                 report = replace(scored, settings=settings)
-                if kept is not None:
-                    report.save(kept)
-            else:
-                bar.update(task, total=(bar.tasks[0].total or 0) - slice_count(recording))
+                if path is not None:
+                    report.save(path)
             total = total + report
-    return replace(total, title=title, settings=settings)
+    return replace(total, title="simulated recordings", settings=settings)
 
 
-def progress() -> Progress:
-    """A bar with slices done, slices/s and time left, on stderr."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices, left"))
-    return Progress(SpinnerColumn(), *columns, TimeRemainingColumn(), console=Console(stderr=True))
-
-
-def slice_count(recording: Recording) -> int:
-    """About how many estimates the recording will give."""
-    return (recording.events.stop_us - 1) // SLICE_US - recording.events.start_us // SLICE_US
+def kept_at(out: Path | None, recording: Recording) -> Path | None:
+    """Where the recording's own report is kept; the mark tells apart folders of the same name in different places."""
+    if out is None:
+        return None
+    mark = hashlib.sha256(str(recording.path.resolve()).encode()).hexdigest()[:8]
+    return out / "recordings" / f"{recording.path.name}-{mark}.json"
 
 
 def ticked(estimates: Iterable[Estimate], tick: Callable[[], None]) -> Iterator[Estimate]:
@@ -113,11 +107,6 @@ def ticked(estimates: Iterable[Estimate], tick: Callable[[], None]) -> Iterator[
     for estimate in estimates:
         yield estimate
         tick()
-
-
-def mark(folder: Path) -> str:
-    """Tells apart folders of the same name in different places."""
-    return hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:8]
 
 
 def scored_before(path: Path | None, settings: dict[str, str | float]) -> Report | None:

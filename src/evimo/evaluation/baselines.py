@@ -19,7 +19,7 @@ from evimo.evaluation.scores import (
 from evimo.events.events import Events
 
 BOX_PX = 15
-THRESHOLDS: tuple[float, ...] = tuple(round(float(each), 3) for each in np.geomspace(0.5, 16, 21))
+THRESHOLDS: tuple[float, ...] = tuple(round(float(each), 3) for each in np.geomspace(0.7, 10, 24))
 DENSITY_THRESHOLD = 3.0
 """Times the mean density of the frame."""
 
@@ -62,12 +62,17 @@ def best_threshold(scores: dict[float, Scores], *, by: str = "iou") -> float:
     return max(sorted(scores), key=score_of)
 
 
-def tune_density_threshold(samples: Iterable[LabelledSlice], *, by: str = "iou") -> float:
-    """The best of `THRESHOLDS` on these slices, which must not be the ones evaluated: that would be an oracle."""
+def threshold_scores(samples: Iterable[LabelledSlice]) -> dict[float, Scores]:
+    """Mask scores of each of `THRESHOLDS` over many slices."""
     totals: dict[float, Scores] = {threshold: {} for threshold in THRESHOLDS}
     for sample in samples:
         totals = {key: added((totals[key], scores)) for key, scores in density_scores(sample, THRESHOLDS).items()}
-    return best_threshold(totals, by=by)
+    return totals
+
+
+def tune_density_threshold(samples: Iterable[LabelledSlice], *, by: str = "iou") -> float:
+    """The best of `THRESHOLDS` on these slices, which must not be the ones evaluated: that would be an oracle."""
+    return best_threshold(threshold_scores(samples), by=by)
 
 
 def trivial_scores(sample: LabelledSlice) -> dict[str, Scores]:

@@ -64,7 +64,7 @@ def direction_error(predicted: Floats, truth: Floats) -> NDArray[np.float64]:
     """Angle between two velocities (..., 3) in degrees, 0 to 180; a zero vector is at 90 degrees to everything."""
     cross = np.linalg.norm(np.cross(predicted, truth), axis=-1)
     dot = np.sum(np.asarray(predicted, np.float64) * truth, axis=-1)
-    return np.degrees(np.arctan2(cross, dot, out=np.full(dot.shape, np.pi / 2), where=(cross > 0) | (dot != 0)))
+    return np.degrees(np.where((cross == 0) & (dot == 0), np.pi / 2, np.arctan2(cross, dot)))
 
 
 def flow_error(predicted: Floats, truth: Floats, focal_px: tuple[float, float]) -> NDArray[np.float64]:
@@ -101,13 +101,13 @@ def depth_errors(predicted: Floats, truth: Floats, valid: Mask, *, scale: Litera
     true = truth[valid].astype(np.float64)
     if scale == "median":
         seen = seen * median_scale(seen, true)
-    difference = np.log(seen) - np.log(true)
-    worst = np.abs(difference) / np.log(1.25)
+    difference: NDArray[np.float64] = np.log(seen) - np.log(true)
+    steps: NDArray[np.float64] = np.abs(difference) / np.log(1.25)
     return DepthErrors(
         abs_rel=float(np.mean(np.abs(seen - true) / true)),
         rmse_log=float(np.sqrt(np.mean(difference**2))),
         silog=float(np.var(difference)),
-        delta_1=float(np.mean(worst < 1)),
-        delta_2=float(np.mean(worst < 2)),
-        delta_3=float(np.mean(worst < 3)),
+        delta_1=float(np.mean(steps < 1)),
+        delta_2=float(np.mean(steps < 2)),
+        delta_3=float(np.mean(steps < 3)),
     )

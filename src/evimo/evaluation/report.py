@@ -5,12 +5,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from evimo.errors import BadFile, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.columns import COLUMNS, CONVENTIONS
 from evimo.evaluation.scores import Score, Scores, added
+
+Key = TypeVar("Key")
 
 MODEL = "model"
 FORMAT = 1
@@ -22,6 +24,7 @@ class Report:
     """Scores of the model and of the trivial answers on the same slices.
 
     rows:     scores by the row's name, `MODEL` first.
+    groups:   the model's scores once more by group, such as the kind of scene.
     density:  mask scores of each density threshold, from which the oracle row is made.
     counts:   what was scored and what was left out.
     settings: model, versions, thresholds: what the numbers depend on.
@@ -29,20 +32,20 @@ class Report:
 
     title: str = "recordings"
     rows: Mapping[str, Scores] = field(default_factory=dict[str, Scores])
+    groups: Mapping[str, Scores] = field(default_factory=dict[str, Scores])
     density: Mapping[float, Scores] = field(default_factory=dict[float, Scores])
     counts: Mapping[str, int] = field(default_factory=dict[str, int])
     settings: Mapping[str, str | float] = field(default_factory=dict[str, str | float])
 
     def __add__(self, other: "Report") -> "Report":
         """Both as one; title and settings are those of the first."""
+        counts = {key: self.counts.get(key, 0) + other.counts.get(key, 0) for key in {**self.counts, **other.counts}}
         return Report(
             self.title,
-            rows={key: added((self.rows.get(key, {}), other.rows.get(key, {}))) for key in {**self.rows, **other.rows}},
-            density={
-                key: added((self.density.get(key, {}), other.density.get(key, {})))
-                for key in {**self.density, **other.density}
-            },
-            counts={key: self.counts.get(key, 0) + other.counts.get(key, 0) for key in {**self.counts, **other.counts}},
+            rows=added_tables(self.rows, other.rows),
+            groups=added_tables(self.groups, other.groups),
+            density=added_tables(self.density, other.density),
+            counts=counts,
             settings=self.settings,
         )
 
@@ -68,6 +71,7 @@ class Report:
             "settings": dict(self.settings),
             "counts": dict(self.counts),
             "rows": {row: plain(scores) for row, scores in self.rows.items()},
+            "groups": {group: plain(scores) for group, scores in self.groups.items()},
             "density": {str(key): plain(scores) for key, scores in self.density.items()},
             "conventions": list(CONVENTIONS),
         }
@@ -85,6 +89,11 @@ class Report:
             for row, scores in self.table_rows.items():
                 values = (scores[column.name].value if column.name in scores else None for column in COLUMNS)
                 writer.writerow([row, *("" if value is None else f"{value:.6g}" for value in values)])
+
+
+def added_tables(first: Mapping[Key, Scores], second: Mapping[Key, Scores]) -> dict[Key, Scores]:
+    """Two tables as one; a row that is missing in one adds nothing."""
+    return {key: added((first.get(key, {}), second.get(key, {}))) for key in {**first, **second}}
 
 
 def plain(scores: Scores) -> dict[str, dict[str, float | None]]:
@@ -116,6 +125,7 @@ def load_report(path: str | Path) -> Report:
         return Report(
             title=saved["title"],
             rows={row: scores_from(scores) for row, scores in saved["rows"].items()},
+            groups={group: scores_from(scores) for group, scores in saved["groups"].items()},
             density={float(key): scores_from(scores) for key, scores in saved["density"].items()},
             counts=saved["counts"],
             settings=saved["settings"],

@@ -1,20 +1,70 @@
 """A recording and the estimates of its slices in, a report out, in constant memory."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from evimo.errors import BadInput
 from evimo.evaluation import baselines
 from evimo.evaluation.labels import LabelledSlice, labelled
+from evimo.evaluation.metrics import Mask
 from evimo.evaluation.report import MODEL, Report
 from evimo.evaluation.scores import estimate_scores
 from evimo.events.slices import SLICE_US, Slice, in_slices
 from evimo.recordings.estimate import Estimate
+from evimo.recordings.flow import true_flow
 from evimo.recordings.recording import Recording
 
 MATCH_US = 1_000
 """Truth further than this from the slice's centre is not the truth of that slice."""
+
+
+class Labeller:
+    """Finds the truth of a recording's slices."""
+
+    def __init__(self, recording: Recording) -> None:
+        """Prepare the lens map, once per recording."""
+        self.recording = recording
+        height, width = recording.camera.size
+        pixels = np.stack(np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float)), axis=-1)
+        points, self.seen = recording.camera.normalised(pixels)
+        self.grid = np.moveaxis(points, -1, 0).astype(np.float64)
+
+    def slices(self, start_us: int) -> Iterator[Slice]:
+        """Every slice from that time on, the unfinished last one too."""
+        events = self.recording.events
+        return in_slices(events.packets(start_us), start_us=start_us, stop_us=events.stop_us + SLICE_US)
+
+    def label(self, part: Slice, scored: Mask) -> LabelledSlice | None:
+        """The slice with its truth; None where none is known within a millisecond of its centre.
+
+        scored: (H, W), pixels to score; those where the lens model does not hold are left out too.
+        """
+        recording = self.recording
+        if not len(recording):
+            return None
+        k = int(np.argmin(np.abs(recording.times_us - part.centre_us)))
+        if abs(int(recording.times_us[k]) - part.centre_us) > MATCH_US:
+            return None
+        truth = recording.truth(k)
+        return labelled(
+            part.events,
+            truth,
+            scored=scored & self.seen,
+            focal_px=(recording.camera.fx, recording.camera.fy),
+            dt_s=(part.stop_us - part.start_us) * 1e-6,
+            flow=true_flow(truth, self.grid).astype(np.float32),
+        )
+
+
+def labelled_slices(recording: Recording) -> Iterator[LabelledSlice]:
+    """Every slice of the recording whose truth is known, all pixels scored."""
+    labeller = Labeller(recording)
+    everywhere = np.ones(recording.camera.size, np.bool_)
+    for part in labeller.slices(recording.events.start_us):
+        if (sample := labeller.label(part, everywhere)) is not None:
+            yield sample
 
 
 def labelled_estimates(
@@ -25,45 +75,31 @@ def labelled_estimates(
     Raises:
         BadInput: the estimates do not follow the recording's slices.
     """
+    labeller = Labeller(recording)
     slices: Iterator[Slice] | None = None
-    camera = recording.camera
     for estimate in estimates:
-        slices = slices or slices_from(recording, estimate.start_us)
+        slices = slices or labeller.slices(estimate.start_us)
         part = next((each for each in slices if each.start_us >= estimate.start_us), None)
         if part is None or part.start_us != estimate.start_us:
             raise BadInput(f"an estimate at {estimate.t_us} µs has no slice", fix="estimates of this very recording")
-        k = int(np.argmin(np.abs(recording.times_us - estimate.t_us)))
-        if abs(int(recording.times_us[k]) - estimate.t_us) > MATCH_US:
-            yield estimate, None
-            continue
-        truth = recording.truth(k)
-        yield (
-            estimate,
-            labelled(
-                part.events,
-                truth,
-                scored=estimate.valid,
-                focal_px=(camera.fx, camera.fy),
-                dt_s=(estimate.stop_us - estimate.start_us) * 1e-6,
-                flow=recording.flow(k),
-            ),
-        )
-
-
-def slices_from(recording: Recording, start_us: int) -> Iterator[Slice]:
-    """Every slice from that time on, the unfinished last one too."""
-    stop_us = recording.events.stop_us + SLICE_US
-    return in_slices(recording.events.packets(start_us=start_us), start_us=start_us, stop_us=stop_us)
+        yield estimate, labeller.label(part, estimate.valid)
 
 
 def score_recording(
-    recording: Recording, estimates: Iterable[Estimate], *, density_threshold: float = baselines.DENSITY_THRESHOLD
+    recording: Recording,
+    estimates: Iterable[Estimate],
+    *,
+    density_threshold: float = baselines.DENSITY_THRESHOLD,
+    group: str | None = None,
 ) -> Report:
-    """Score the model and every trivial answer on one recording; the same slices and pixels for all of them."""
+    """Score the model and every trivial answer on one recording; the same slices and pixels for all of them.
+
+    group: a name under which the model's scores are reported once more, such as the kind of scene.
+    """
     report = Report(counts={"recordings": 1})
     for estimate, sample in labelled_estimates(recording, estimates):
         report = report + slice_report(estimate, sample, density_threshold=density_threshold)
-    return report
+    return report if group is None else replace(report, groups={group: report.rows.get(MODEL, {})})
 
 
 def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_threshold: float) -> Report:
@@ -76,7 +112,7 @@ def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_th
     counts = {
         "slices": 1,
         "slices without movers": int(not sample.moving.any()),
-        "events": len(sample.events),
+        "events scored": len(sample.events),
         "pixels scored": int(np.count_nonzero(sample.scored)),
         "pixels of the sensor": sample.scored.size,
     }

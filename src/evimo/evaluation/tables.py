@@ -27,9 +27,12 @@ def cell(score: Score | None, column: Column) -> str:
 def cells(report: Report, section: str) -> list[list[str]]:
     """The rows of one section, each its name and its cells; rows without any number are left out; last, the samples."""
     columns = [BY_NAME[name] for name in SECTIONS[section]]
+    rows = report.table_rows
+    if section == OVERVIEW:
+        rows |= {f"{MODEL}, {group}": scores for group, scores in sorted(report.groups.items())}
     lines = [
         [row, *(cell(scores.get(column.name), column) for column in columns)]
-        for row, scores in report.table_rows.items()
+        for row, scores in rows.items()
         if any(column.name in scores for column in columns)
     ]
     model = report.rows.get(MODEL, {})
@@ -85,6 +88,3 @@ def as_markdown(report: Report) -> str:
 def table_line(parts: list[str]) -> str:
     """One line of a Markdown table."""
     return f"| {' | '.join(parts)} |"
-
-
-__all__ = ["OVERVIEW", "as_markdown", "as_rich"]
