@@ -79,7 +79,6 @@ class FrameMaker:
             np.array_equal(one, other) for one, other in zip(identity[:3], self._table[:3], strict=True)
         )
         self._packed = np.zeros(table.x.size, np.uint64)
-        self._touched = np.zeros(min(table.x.size, COUNT_LIMIT) + 1, np.int32)
 
     def frame(self, events: Events, *, start_us: int, dt_us: int = SLICE_US, out: F4 | None = None) -> F4:
         """One event frame (3, h, w) float32: positive count, negative count, mean time.
@@ -113,7 +112,6 @@ class FrameMaker:
             shift,
             self._table,
             self._packed,
-            self._touched,
             image.reshape(CHANNELS, -1),
         )
         self.dropped += int(dropped)
@@ -179,29 +177,21 @@ class Stacks:
 
 
 @numba.njit(cache=True, nogil=True)
-def _pack(x, y, t, p, start_us, dt_us, shift, width, packed, touched):
-    """Add events to the packed counters.
-
-    `touched` gets the pixels that had none before, unless it is empty. Returns its length and the count of events that
-    lie off the sensor or outside the slice.
-    """
-    height, count, dropped, listing = len(packed) // width, 0, 0, len(touched) > 0
+def _pack(x, y, t, p, start_us, dt_us, shift, width, packed):
+    """Add events to the packed counters. Returns how many lie off the sensor or outside the slice."""
+    height, dropped = len(packed) // width, 0
     dt, ticks_from = np.uint64(dt_us), np.uint64(shift)
     for i in range(len(t)):
         elapsed = np.uint64(t[i] - start_us)  # before the start it wraps to a very large number
         if (y[i] < height) & (x[i] < width) & (elapsed < dt):
-            pixel = np.int64(y[i]) * width + np.int64(x[i])
-            before = packed[pixel]
-            if listing:
-                touched[count] = pixel
-                count += before == 0
-            packed[pixel] = before + ((elapsed >> ticks_from) << np.uint64(32)) + np.uint64(65536 if p[i] > 0 else 1)
+            one = np.uint64(65536 if p[i] > 0 else 1)
+            packed[np.int64(y[i]) * width + np.int64(x[i])] += ((elapsed >> ticks_from) << np.uint64(32)) + one
         else:
             dropped += 1
-    return count, dropped
+    return dropped
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _decode(halves, positives, negatives, times, per_slice):
     """Counts and mean time of a run of pixels from their counters, seen as int32 pairs (counts, sum of ticks)."""
     for k in range(len(positives)):
@@ -212,9 +202,9 @@ def _decode(halves, positives, negatives, times, per_slice):
 
 
 @numba.njit(cache=True, nogil=True)
-def _frame_in_place(x, y, t, p, start_us, dt_us, shift, table, packed, touched, planes):
+def _frame_in_place(x, y, t, p, start_us, dt_us, shift, table, packed, planes):
     """The frame where the output image is the sensor itself: decode the counters, then clear them. Returns dropped."""
-    _, dropped = _pack(x, y, t, p, start_us, dt_us, shift, table.out_width, packed, touched[:0])
+    dropped = _pack(x, y, t, p, start_us, dt_us, shift, table.out_width, packed)
     halves, per_slice = packed.view(np.int32), np.float32((1 << shift) / dt_us)
     for first in range(0, len(packed), CHUNK):
         last = min(first + CHUNK, len(packed))
@@ -225,46 +215,56 @@ def _frame_in_place(x, y, t, p, start_us, dt_us, shift, table, packed, touched, 
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def _frame_through_table(x, y, t, p, start_us, dt_us, shift, table, packed, touched, planes):
+def _frame_through_table(x, y, t, p, start_us, dt_us, shift, table, packed, planes):
     """The frame where each sensor pixel has a place of its own: splat its counts and time. Returns dropped."""
     planes[:] = 0
     dropped = 0
     for first in range(0, len(t), COUNT_LIMIT):
         part = slice(first, first + COUNT_LIMIT)
-        count, lost = _pack(
-            x[part], y[part], t[part], p[part], start_us, dt_us, shift, table.x.shape[1], packed, touched
-        )
-        dropped += lost + _splat(table, packed, touched[:count], planes)
-    per_slice = np.float32((1 << shift) / dt_us)
-    positives, negatives, times = planes[0], planes[1], planes[2]
-    for k in range(len(times)):
-        weight = positives[k] + negatives[k]
-        times[k] = min(times[k] * per_slice / weight, np.float32(1)) if weight > 0 else np.float32(0)
+        dropped += _pack(x[part], y[part], t[part], p[part], start_us, dt_us, shift, table.x.shape[1], packed)
+        dropped += _splat(table, packed, planes)
+    _average(planes[0], planes[1], planes[2], np.float32((1 << shift) / dt_us))
     return dropped
 
 
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _average(positives, negatives, times, per_slice):
+    """Sums of ticks to mean times. Divides before it asks whether it may: a branch would keep it from using SIMD."""
+    for k in range(len(times)):
+        weight = positives[k] + negatives[k]
+        mean = min(times[k] * per_slice / weight, np.float32(1))
+        times[k] = mean if weight > 0 else np.float32(0)
+
+
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def _splat(table, packed, touched, planes):
-    """Move the counters of the touched pixels to the four pixels around their places. Returns the events dropped."""
+def _splat(table, packed, planes):
+    """Move the counters to the four pixels around their places, and clear them. Returns the events dropped."""
     height, width, dropped = table.out_height, table.out_width, 0
     at_x, at_y, valid = table.x.reshape(-1), table.y.reshape(-1), table.valid.reshape(-1)
-    for pixel in touched:
+    positives, negatives, times = planes[0], planes[1], planes[2]
+    for pixel in range(len(packed)):
         counter = packed[pixel]
+        if counter == 0:
+            continue
         packed[pixel] = 0
-        positive, negative = (counter >> np.uint64(16)) & np.uint64(65535), counter & np.uint64(65535)
+        counts = np.int64(counter & np.uint64(0xFFFFFFFF))
         x, y = at_x[pixel], at_y[pixel]
         if not (valid[pixel] and -0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
-            dropped += np.int64(positive + negative)
+            dropped += (counts >> 16) + (counts & 65535)
             continue
         x, y = min(max(x, np.float32(0)), np.float32(width - 1)), min(max(y, np.float32(0)), np.float32(height - 1))
         left, top = int(x), int(y)
-        right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+        right, below = min(left + 1, width - 1), min(top + 1, height - 1)
         ax, ay, one = x - np.float32(left), y - np.float32(top), np.float32(1)
-        amounts = np.float32(positive), np.float32(negative), np.float32(counter >> np.uint64(32))
-        for plane in range(CHANNELS):
-            row = planes[plane]
-            row[top * width + left] += amounts[plane] * (one - ax) * (one - ay)
-            row[top * width + right] += amounts[plane] * ax * (one - ay)
-            row[bottom * width + left] += amounts[plane] * (one - ax) * ay
-            row[bottom * width + right] += amounts[plane] * ax * ay
+        positive, negative = np.float32(counts >> 16), np.float32(counts & 65535)
+        time = np.float32(np.int64(counter >> np.uint64(32)))
+        for at, weight in (
+            (top * width + left, (one - ax) * (one - ay)),
+            (top * width + right, ax * (one - ay)),
+            (below * width + left, (one - ax) * ay),
+            (below * width + right, ax * ay),
+        ):
+            positives[at] += weight * positive
+            negatives[at] += weight * negative
+            times[at] += weight * time
     return dropped
