@@ -1,0 +1,62 @@
+"""`evimo info`: what is inside a recording."""
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from evimo.events.io import CameraHint, EventFile, open_events
+from evimo.events.io.event_file import fault_parts
+from evimo.events.io.sensors import sensor_size
+
+
+def info(file: Path, *, sensor: str | None = None) -> None:
+    """Print format, sensor, span, events, rate, polarity, order of timestamps, and what else is inside.
+
+    Args:
+        file: an event recording: a file, or an EVIMO2 folder.
+        sensor: width x height in pixels, as in 346x260, where the file does not tell.
+    """
+    recording = open_events(file, sensor=sensor_size(sensor) if sensor else None)
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for name, value in facts(recording).items():
+        table.add_row(name, value)
+    Console(highlight=False, soft_wrap=True).print(table)
+
+
+def facts(recording: EventFile) -> dict[str, str]:
+    """What `info` prints, name to words; reads the whole recording once."""
+    events, on = 0, 0
+    for packet in recording:
+        events += len(packet)
+        on += int((packet.p > 0).sum())
+    height, width = recording.sensor
+    span_s = (recording.stop_us - recording.start_us) * 1e-6
+    return {
+        "file": str(recording.path),
+        "format": recording.format,
+        "sensor": f"{width}x{height}",
+        "span": f"{span_s:.6f} s",
+        "first event": f"{recording.start_us} µs",
+        "last event": f"{recording.stop_us - 1} µs",
+        "events": f"{events:,}",
+        "rate": f"{events / span_s * 1e-6:.3f} million events/s",
+        "polarity": f"{on / max(events, 1):.1%} on, {1 - on / max(events, 1):.1%} off",
+        "timestamps": _order(recording),
+        "camera": _camera(recording.camera_hint),
+        **recording.contents,
+    }
+
+
+def _order(recording: EventFile) -> str:
+    """Whether timestamps are sorted; all faults of the pass, if there are any."""
+    faults = recording.faults
+    sorted_or_not = "sorted" if faults.out_of_order + faults.late == 0 else "not sorted"
+    return "; ".join([sorted_or_not, *fault_parts(faults, recording.sensor)])
+
+
+def _camera(hint: CameraHint | None) -> str:
+    if hint is None:
+        return "no intrinsics inside"
+    lens = f", {hint.lens} {' '.join(f'{value:.4g}' for value in hint.distortion)}" if any(hint.distortion) else ""
+    return f"fx {hint.fx:.2f} fy {hint.fy:.2f} cx {hint.cx:.2f} cy {hint.cy:.2f}{lens} ({hint.source})"

@@ -1,0 +1,196 @@
+"""ROS 1 bags (version 2.0) chunk by chunk: the index gives chunks only, so that hours need little memory.
+
+A bag without its index (the recorder died, the copy was cut) is walked from the front and used as far as it goes.
+"""
+
+import bz2
+import struct
+from collections.abc import Iterator, Set
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, NamedTuple
+
+import lz4.frame
+
+from evimo.errors import BadFile
+
+MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 5, 6, 7
+UNPACK_U4 = struct.Struct("<I").unpack_from
+
+
+class Connection(NamedTuple):
+    """One publisher: its topic and `package/Type`."""
+
+    topic: str
+    kind: str
+
+
+class Message(NamedTuple):
+    """One message as recorded."""
+
+    connection: int
+    time_ns: int
+    payload: memoryview
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkPlace:
+    """Where a chunk lies, the times of its messages, and how many there are by connection."""
+
+    offset: int
+    start_ns: int
+    stop_ns: int
+    counts: dict[int, int]
+
+
+@dataclass(slots=True)
+class Bag:
+    """Connections and chunks of a bag; cut_short where they had to be found without the index."""
+
+    path: Path
+    connections: dict[int, Connection] = field(default_factory=dict[int, Connection])
+    chunks: list[ChunkPlace] = field(default_factory=list[ChunkPlace])
+    cut_short: bool = False
+
+    def count(self, connection: int) -> int:
+        """Messages of a connection."""
+        return sum(chunk.counts.get(connection, 0) for chunk in self.chunks)
+
+    def messages(self, chunk: ChunkPlace, wanted: Set[int]) -> Iterator[Message]:
+        """The messages of one chunk of the wanted connections, in recorded order."""
+        with self.path.open("rb") as file:
+            file.seek(chunk.offset)
+            _, fields = _header(file)
+            body = _unpacked(file.read(_u4(file)), fields)
+        for op, fields, payload in _records(body):
+            if op == MESSAGE and (connection := UNPACK_U4(fields[b"conn"])[0]) in wanted:
+                yield Message(connection, _time(fields[b"time"]), payload)
+
+
+def open_bag(path: Path) -> Bag:
+    """Read the index, or where there is none walk the chunks.
+
+    Raises:
+        BadFile: encrypted, or nothing in it is readable.
+    """
+    with path.open("rb") as file:
+        file.readline()
+        try:
+            _, fields = _header(file)
+            index = struct.unpack("<Q", fields[b"index_pos"])[0]
+            if fields.get(b"encryptor"):
+                raise BadFile(f"{path.name} is an encrypted bag", fix="decrypt it first")
+            if 0 < index < path.stat().st_size:
+                return _indexed(path, file, index)
+        except (struct.error, KeyError, EOFError):
+            pass
+    bag = _walked(path)
+    if not bag.chunks:
+        raise BadFile(f"{path.name} is a bag without a readable chunk", fix="copy or record it again: it was cut short")
+    return bag
+
+
+def _indexed(path: Path, file: IO[bytes], index: int) -> Bag:
+    bag = Bag(path)
+    file.seek(index)
+    for op, fields, data in _records(memoryview(file.read())):
+        if op == CONNECTION:
+            bag.connections[UNPACK_U4(fields[b"conn"])[0]] = _connection(fields, data)
+        elif op == CHUNK_INFO:
+            counts = dict(struct.iter_unpack("<II", data))
+            start, stop = _time(fields[b"start_time"]), _time(fields[b"end_time"])
+            bag.chunks.append(ChunkPlace(struct.unpack("<Q", fields[b"chunk_pos"])[0], start, stop, counts))
+    if not bag.connections:
+        raise EOFError
+    return bag
+
+
+def _walked(path: Path) -> Bag:
+    bag = Bag(path, cut_short=True)
+    with path.open("rb") as file:
+        file.readline()
+        try:
+            while True:
+                offset = file.tell()
+                op, fields = _header(file)
+                size = _u4(file)
+                if op == CHUNK:
+                    _add_chunk(bag, offset, _unpacked(file.read(size), fields))
+                else:
+                    file.seek(size, 1)
+        except (struct.error, KeyError, EOFError):
+            return bag
+
+
+def _add_chunk(bag: Bag, offset: int, body: memoryview) -> None:
+    times: list[int] = []
+    counts: dict[int, int] = {}
+    for op, fields, data in _records(body):
+        connection = UNPACK_U4(fields[b"conn"])[0]
+        if op == CONNECTION:
+            bag.connections[connection] = _connection(fields, data)
+        elif op == MESSAGE:
+            times.append(_time(fields[b"time"]))
+            counts[connection] = counts.get(connection, 0) + 1
+    if times:
+        bag.chunks.append(ChunkPlace(offset, min(times), max(times), counts))
+
+
+def _connection(fields: dict[bytes, bytes], data: memoryview) -> Connection:
+    return Connection(fields[b"topic"].decode(), _fields(bytes(data))[b"type"].decode())
+
+
+def _unpacked(data: bytes, fields: dict[bytes, bytes]) -> memoryview:
+    """A chunk's records; of a chunk cut short those that are there, if it is not compressed."""
+    compression = fields[b"compression"]
+    try:
+        if compression == b"bz2":
+            return memoryview(bz2.decompress(data))
+        if compression == b"lz4":
+            return memoryview(lz4.frame.decompress(data))
+    except (ValueError, OSError, RuntimeError, EOFError):
+        return memoryview(b"")
+    return memoryview(data)
+
+
+def _records(body: memoryview) -> Iterator[tuple[int, dict[bytes, bytes], memoryview]]:
+    """Kind, fields and data of each whole record."""
+    at = 0
+    while at + 4 <= len(body):
+        data_at = at + 4 + UNPACK_U4(body, at)[0]
+        if data_at + 4 > len(body):
+            return
+        stop = data_at + 4 + UNPACK_U4(body, data_at)[0]
+        if stop > len(body):
+            return
+        fields = _fields(bytes(body[at + 4 : data_at]))
+        yield fields[b"op"][0], fields, body[data_at + 4 : stop]
+        at = stop
+
+
+def _header(file: IO[bytes]) -> tuple[int, dict[bytes, bytes]]:
+    fields = _fields(file.read(_u4(file)))
+    return fields[b"op"][0], fields
+
+
+def _fields(raw: bytes) -> dict[bytes, bytes]:
+    fields: dict[bytes, bytes] = {}
+    at = 0
+    while at + 4 <= len(raw):
+        stop = at + 4 + UNPACK_U4(raw, at)[0]
+        name, _, value = raw[at + 4 : stop].partition(b"=")
+        fields[name] = value
+        at = stop
+    return fields
+
+
+def _u4(file: IO[bytes]) -> int:
+    raw = file.read(4)
+    if len(raw) < 4:
+        raise EOFError
+    return UNPACK_U4(raw)[0]
+
+
+def _time(raw: bytes) -> int:
+    seconds, nanoseconds = struct.unpack("<II", raw)
+    return seconds * 10**9 + nanoseconds

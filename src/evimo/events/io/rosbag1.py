@@ -1,0 +1,160 @@
+"""ROS 1 bags with events: dvs_msgs, prophesee_event_msgs, event_camera_msgs."""
+
+import struct
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from evimo.errors import BadFile, EvimoWarning
+from evimo.events.events import Events, joined
+from evimo.events.io.bag_records import Bag, ChunkPlace, open_bag
+from evimo.events.io.event_file import CameraHint, EventFile
+from evimo.events.io.event_messages import ARRAYS, PACKETS, Decoder, PacketDecoder, array_events, image_size
+from evimo.events.io.survey import no_events_in
+
+MARGIN_US = 1_000_000  # between an event and the recording of its message
+DRIFT = 1e-4  # of the sensor's clock against the recorder's
+CONTENTS = {
+    "frames": ("Image", "CompressedImage"),
+    "IMU": ("Imu",),
+    "poses": ("Subject", "PoseStamped", "TransformStamped", "Odometry", "PoseWithCovarianceStamped"),
+    "camera info": ("CameraInfo",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class EventTopic:
+    """The events of one topic of a bag, and how the sensor's clock lies to the recorder's."""
+
+    bag: Bag
+    connection: int
+    first_recorded_us: int
+    first_event_us: int
+
+    def chunks(self) -> list[ChunkPlace]:
+        """The chunks with events."""
+        return [chunk for chunk in self.bag.chunks if chunk.counts.get(self.connection)]
+
+    def expected_us(self, recorded_ns: int) -> int:
+        """About the sensor's time at a time of the recorder."""
+        return self.first_event_us + recorded_ns // 1000 - self.first_recorded_us
+
+    def decoder(self) -> Decoder:
+        """A decoder for this topic's kind of message."""
+        array = self.bag.connections[self.connection].kind in ARRAYS
+        return array_events if array else PacketDecoder(self.bag.path.name)
+
+    def packets(self, chunks: list[ChunkPlace]) -> Iterator[Events]:
+        """One packet per chunk."""
+        decode = self.decoder()
+        for chunk in chunks:
+            messages = self.bag.messages(chunk, {self.connection})
+            try:
+                yield joined([decode(payload, self.expected_us(time_ns)) for _, time_ns, payload in messages])
+            except struct.error as error:
+                topic = self.bag.connections[self.connection].topic
+                raise BadFile(f"{self.bag.path.name}: a message of {topic} is damaged", fix="copy it again") from error
+
+    def read(self, start_us: int) -> Iterator[Events]:
+        """Packets from a chunk on that was recorded before start_us can have happened."""
+        elapsed = start_us - self.first_event_us
+        recorded = self.first_recorded_us + elapsed - MARGIN_US - int(abs(elapsed) * DRIFT)
+        chunks = self.chunks()
+        before = [at for at, chunk in enumerate(chunks) if chunk.stop_ns // 1000 < recorded]
+        return self.packets(chunks[before[-1] + 1 if before else 0 :])
+
+
+def open_rosbag1(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
+    """Open the events of a ROS 1 bag; of several topics with events, the one with the most messages.
+
+    Times are the events' own: absolute, but the sensor's clock in the encoding evt3.
+
+    Raises:
+        BadFile: no topic with events, an unknown encoding, or nothing readable.
+    """
+    bag = open_bag(path)
+    topic, size = _event_topic(bag)
+    first = next(filter(len, topic.packets(topic.chunks())), None)
+    if first is None:
+        raise no_events_in(path)
+    topic = EventTopic(bag, topic.connection, topic.first_recorded_us, int(first.t.min()))
+    last = next(filter(len, (joined(list(topic.packets([chunk]))) for chunk in reversed(topic.chunks()))))
+    if bag.cut_short:
+        text = f"{path.name} has lost its index: its {len(bag.chunks):,} readable chunks are used; was it cut short?"
+        warnings.warn(text, EvimoWarning, stacklevel=3)
+    if sensor is None and min(size) < 1:
+        raise BadFile(f"{path.name} does not tell its sensor's size", fix="give it with --sensor WxH")
+    return EventFile(
+        path=path,
+        format=f"ROS 1 bag ({bag.connections[topic.connection].kind})",
+        sensor=sensor or size,
+        start_us=topic.first_event_us,
+        stop_us=int(last.t.max()) + 1,
+        read=topic.read,
+        camera_hint=_camera(bag, topic.connection, sensor or size),
+        contents=_contents(bag),
+    )
+
+
+def _event_topic(bag: Bag) -> tuple[EventTopic, tuple[int, int]]:
+    """The topic with the most event messages, its clocks not compared yet, and the sensor's size."""
+    found = [name for name, connection in bag.connections.items() if connection.kind in ARRAYS + PACKETS]
+    if not any(bag.count(name) for name in found):
+        topics = ", ".join(sorted(connection.topic for connection in bag.connections.values())[:8])
+        raise BadFile(
+            f"{bag.path.name} holds no event messages, only {topics or 'nothing'}",
+            fix=f"give a bag with one of: {', '.join(ARRAYS + PACKETS)}",
+        )
+    chosen = max(found, key=bag.count)
+    if others := [bag.connections[name].topic for name in found if name != chosen]:
+        text = f"{bag.path.name} has {len(found)} topics with events: {bag.connections[chosen].topic} is read, not {others}"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
+    topic = EventTopic(bag, chosen, 0, 0)
+    message = next(bag.messages(topic.chunks()[0], {chosen}))
+    return EventTopic(bag, chosen, message.time_ns // 1000, 0), image_size(message.payload)
+
+
+def _contents(bag: Bag) -> dict[str, str]:
+    """What else is in the bag: name to topics with their numbers of messages."""
+    contents: dict[str, list[str]] = {}
+    for name, connection in bag.connections.items():
+        kind = connection.kind.rpartition("/")[2]
+        words = next((words for words, kinds in CONTENTS.items() if kind in kinds), "other")
+        words = "events" if connection.kind in ARRAYS + PACKETS else words
+        contents.setdefault(words, []).append(f"{connection.topic} ({bag.count(name):,})")
+    return {words: ", ".join(topics) for words, topics in contents.items()}
+
+
+def _camera(bag: Bag, events: int, size: tuple[int, int]) -> CameraHint | None:
+    """Intrinsics of a CameraInfo of the same size, best of the same namespace."""
+    near = bag.connections[events].topic.rpartition("/")[0]
+    names = [name for name, connection in bag.connections.items() if connection.kind == "sensor_msgs/CameraInfo"]
+    for name in sorted(names, key=lambda name: bag.connections[name].topic.rpartition("/")[0] != near):
+        for chunk in (chunk for chunk in bag.chunks if chunk.counts.get(name)):
+            message = next(bag.messages(chunk, {name}))
+            hint = _camera_info(message.payload, bag.connections[name].topic)
+            if hint and (hint.height, hint.width) == size:
+                return hint
+            break
+    return None
+
+
+def _camera_info(payload: memoryview, topic: str) -> CameraHint | None:
+    from rosbags.typesys import Stores, get_typestore
+
+    info = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(payload, "sensor_msgs/msg/CameraInfo")
+    fx, _, cx, _, fy, cy = (float(value) for value in info.K[:6])
+    if min(fx, fy) <= 0:
+        return None
+    return CameraHint(
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        height=int(info.height),
+        width=int(info.width),
+        distortion=tuple(float(value) for value in info.D),
+        lens="fisheye" if info.distortion_model in ("equidistant", "fisheye") else "radtan",
+        source=f"{topic} in the bag",
+    )
