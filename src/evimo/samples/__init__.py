@@ -1,4 +1,4 @@
-"""The recording that ships inside the package: about two simulated seconds, made by us, for a first look and for tests."""
+"""The recording that ships inside the package: about two seconds, simulated by us, for a first look and for tests."""
 
 from pathlib import Path
 
