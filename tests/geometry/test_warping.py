@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -10,6 +12,14 @@ from evimo.geometry.warping import (
     sample,
     splat,
 )
+
+
+SRC = Path(__file__).parents[2] / "src"
+
+
+def test_convention_one_function_calls_grid_sample():
+    calls = {file.name: file.read_text().count("grid_sample(") for file in SRC.rglob("*.py")}
+    assert {name: count for name, count in calls.items() if count} == {"warping.py": 1}
 
 
 @pytest.fixture
@@ -114,6 +124,13 @@ def test_an_event_that_would_leave_stays_where_it_was():
 
 def _unwarped(events):
     return image_of_warped_events(constant_flow(0, 0), events)
+
+
+def test_an_undefined_flow_moves_nothing():
+    events = events_at((1, 1, 1, 1), (2, 1, 1, 1))
+    flow = constant_flow(0, 0).clone()
+    flow[..., 1, 1] = float("nan")
+    torch.testing.assert_close(image_of_warped_events(flow, events), _unwarped(events))
 
 
 def test_no_events_make_an_empty_image():

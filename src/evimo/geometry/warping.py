@@ -10,6 +10,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+_MARGIN = 2  # pixels around a splatted image, cut off afterwards: two of them hold all four neighbours of any outsider
+
 
 class EventPoints(NamedTuple):
     """The events of a batch of slices as flat tensors, in any order; N may be 0.
@@ -70,21 +72,19 @@ def splat(
         plane: which plane of the result each point belongs to.
     """
     planes, height, width = size
+    wide = width + 2 * _MARGIN
     corner = xy.detach().floor()
     right, down = (xy - corner).unbind(-1)
-    left_column, top_row = corner.long().unbind(-1)
-    image = weight.new_zeros(planes * height * width)
-    for dx, dy, share in (
-        (0, 0, (1 - right) * (1 - down)),
-        (1, 0, right * (1 - down)),
-        (0, 1, (1 - right) * down),
-        (1, 1, right * down),
-    ):
-        column, row = left_column + dx, top_row + dy
-        within = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        pixel = (plane * height + row.clamp(0, height - 1)) * width + column.clamp(0, width - 1)
-        image = image.index_add(0, pixel, share * weight * within)
-    return image.view(planes, height, width)
+    column = corner[:, 0].long().clamp(-_MARGIN, width) + _MARGIN
+    row = corner[:, 1].long().clamp(-_MARGIN, height) + _MARGIN
+    first = (plane * (height + 2 * _MARGIN) + row) * wide + column
+    four = torch.cat((first, first + 1, first + wide, first + wide + 1))
+    left, up = (1 - right) * weight, 1 - down
+    right = right * weight
+    shares = torch.cat((left * up, right * up, left * down, right * down))
+    image = weight.new_zeros(planes * (height + 2 * _MARGIN) * wide).index_add(0, four, shares)
+    image = image.view(planes, height + 2 * _MARGIN, wide)
+    return image[:, _MARGIN : _MARGIN + height, _MARGIN : _MARGIN + width]
 
 
 def image_of_warped_events(flow: Float[Tensor, "B 2 H W"], events: EventPoints) -> Float[Tensor, "B 2 H W"]:
@@ -100,13 +100,11 @@ def image_of_warped_events(flow: Float[Tensor, "B 2 H W"], events: EventPoints) 
     batch, _, height, width = flow.shape
     column = events.x.round().long().clamp(0, width - 1)
     row = events.y.round().long().clamp(0, height - 1)
-    u = flow[events.batch, :, row, column]
-    here = torch.stack((events.x, events.y), dim=-1)
-    there = here - events.t[:, None] * u
-    last = here.new_tensor((width - 1, height - 1))
-    stays_in = ((there >= 0) & (there <= last)).all(-1, keepdim=True)
+    pixel = (events.batch * height + row) * width + column
+    u, v = (component.flatten().index_select(0, pixel) for component in flow.unbind(1))
+    x, y = events.x - events.t * u, events.y - events.t * v
+    stays_in = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    xy = torch.stack((torch.where(stays_in, x, events.x), torch.where(stays_in, y, events.y)), dim=-1)
     plane = 2 * events.batch + (~events.positive).long()
-    image = splat(
-        torch.where(stays_in, there, here), torch.ones_like(events.t), (2 * batch, height, width), plane=plane
-    )
-    return image.view(batch, 2, height, width)
+    image = splat(xy, torch.ones_like(events.t), (2 * batch, height, width), plane=plane)
+    return image.unflatten(0, (batch, 2))
