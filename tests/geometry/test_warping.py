@@ -13,7 +13,6 @@ from evimo.geometry.warping import (
     splat,
 )
 
-
 SRC = Path(__file__).parents[2] / "src"
 
 
