@@ -1,1 +1,9 @@
-"""simulate"""
+"""Simulate: a scene and a model of an event camera's pixels make recordings with exact truth.
+
+`recording.simulate_recording` makes one, `dataset.simulate_dataset` many, each from its own seed.
+"""
+
+from evimo.simulate.dataset import simulate_dataset
+from evimo.simulate.recording import simulate_recording
+
+__all__ = ["simulate_dataset", "simulate_recording"]

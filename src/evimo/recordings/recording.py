@@ -1,0 +1,118 @@
+"""A recording with truth: events, camera, and what really happened at the centre of each slice."""
+
+import json
+import zipfile
+import zlib
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile, NotFound
+from evimo.events.io.evimo2 import open_evimo2
+from evimo.events.io.event_file import EventFile
+from evimo.geometry.camera import Camera
+from evimo.recordings.truth import ObjectTruth, Truth
+
+DAMAGED = "simulate it again, or copy the whole folder again"
+SIM_SHAPES = {"times_us": 1, "ego": 2, "object_ids": 1, "positions": 3, "velocities": 3, "rotations": 3}
+
+
+class Recording:
+    """One folder, opened lazily; made by `open_recording`.
+
+    path:     the folder.
+    camera:   of the sensor.
+    times_us: (F,) int64, the instants whose truth is known, in the events' own clock.
+    meta:     how it was made: set, seed, sensor settings, version.
+    """
+
+    def __init__(self, path: Path, camera: Camera, sim: dict[str, NDArray[Any]], meta: dict[str, Any]) -> None:
+        self.path, self.camera, self.meta = path, camera, meta
+        self.times_us: NDArray[np.int64] = sim["times_us"].astype(np.int64)
+        self._sim = sim
+
+    def __len__(self) -> int:
+        return len(self.times_us)
+
+    @cached_property
+    def events(self) -> EventFile:
+        """The events, memory-mapped: packets in constant memory."""
+        return open_evimo2(self.path)
+
+    def truth(self, k: int) -> Truth:
+        """Everything about the instant times_us[k].
+
+        Raises:
+            IndexError: there is no such instant. BadFile: a map is missing or damaged.
+        """
+        if not 0 <= k < len(self):
+            raise IndexError(f"instant {k} of {len(self)}")
+        depth, mask = self._map("depth", k), self._map("mask", k)
+        depth_m = depth.astype(np.float32) * np.float32(1e-3)
+        ids = (mask // 1000).astype(np.uint8)
+        clutter = self._map("clutter", k) > 0
+        motions = (self._sim[name][k] for name in ("positions", "velocities", "rotations"))
+        objects = {
+            int(id_): ObjectTruth(*moved)
+            for id_, *moved in zip(self._sim["object_ids"], *motions, strict=True)
+            if np.isfinite(moved).all()
+        }
+        return Truth(int(self.times_us[k]), depth_m, depth > 0, ids, clutter, self._sim["ego"][k], objects)
+
+    def clutter_bodies(self, k: int) -> NDArray[np.uint8]:
+        """Which static body drawn like the movers is seen in each pixel, (H, W); 0 is none."""
+        return self._map("clutter", k)
+
+    def _map(self, name: str, k: int) -> NDArray[Any]:
+        key = f"{name}_{k:010d}"
+        values = _arrays(self.path / f"dataset_{name}.npz", (key,))[key]
+        if values.shape != self.camera.size:
+            raise BadFile(f"{key} of {self.path} is {values.shape}, the sensor {self.camera.size}", fix=DAMAGED)
+        return values
+
+
+def open_recording(folder: str | Path) -> Recording:
+    """Open a recording with truth, as the simulator writes it.
+
+    Raises:
+        NotFound: no such folder.
+        BadFile: it lacks a part, or a part is damaged; nothing in it is ever unpickled.
+    """
+    path = Path(folder)
+    if not path.is_dir():
+        raise NotFound(f"no recording {path}", fix="a folder that `evimo simulate` has written")
+    information = _information(path / "dataset_info.json")
+    sim = _arrays(path / "dataset_sim.npz", tuple(SIM_SHAPES))
+    frames, bodies = len(sim["times_us"]), len(sim["object_ids"])
+    shapes = {"ego": (frames, 6)} | dict.fromkeys(("positions", "velocities", "rotations"), (frames, bodies, 3))
+    if any(sim[name].shape != shape for name, shape in shapes.items()):
+        raise BadFile(f"dataset_sim.npz of {path} has arrays that do not fit together", fix=DAMAGED)
+    try:
+        stored = information["camera"]
+        camera = Camera(**{**stored, "distortion": tuple(stored["distortion"])})
+    except (KeyError, TypeError) as error:
+        raise BadFile(f"dataset_info.json of {path} lacks the camera", fix=DAMAGED) from error
+    return Recording(path, camera, sim, information)
+
+
+def _information(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        raise BadFile(f"{path.parent} lacks {path.name}", fix="a folder that `evimo simulate` has written")
+    try:
+        return dict(json.loads(path.read_text())["evimo"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadFile(f"{path} is not the JSON of a simulated recording", fix=DAMAGED) from error
+
+
+def _arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+    """Arrays of an npz file by name."""
+    if not path.exists():
+        raise BadFile(f"{path.parent} lacks {path.name}", fix=DAMAGED)
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in names}
+    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise BadFile(f"{path} is damaged: {error}", fix=DAMAGED) from error

@@ -1,0 +1,162 @@
+"""What a scene is made of: parts with surfaces, grouped in bodies that move rigidly."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.scene.motion import Motion
+from evimo.scene.textures import TextureBank
+
+F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
+
+BOX, ELLIPSOID, CYLINDER, GRATING = 0, 1, 2, 3
+MOST_PARTS = 120  # part indices and faces share an int16 in the renderer
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """What a part looks like: texture index, its period on the surface in m, its shift (2,) in periods, its reflectance."""
+
+    texture: int
+    period: float
+    shift: tuple[float, float]
+    dark: float
+    bright: float
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One primitive of a body.
+
+    shape:    BOX, ELLIPSOID, CYLINDER (axis z), or GRATING: a flat net in its plane z = 0.
+    half:     (3,) half sizes, m. position: (3,), rotation: (3, 3), body_from_part.
+    inside:   seen from within: the room.
+    openings: of a GRATING: bars per half size in x and y, and the share of the pitch that is bar, in x and y.
+    """
+
+    shape: int
+    half: F8
+    position: F8
+    rotation: F8
+    surface: Surface
+    inside: bool = False
+    openings: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Parts that move together; a body without motion stands in the world. `clutter`: drawn like the movers, but static."""
+
+    parts: tuple[Part, ...]
+    motion: Motion | None = None
+    clutter: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A room, clutter, movers, a camera's way through it, and light.
+
+    bodies:  the first is the room; movers have the ids 1 to K in their order, every static body has id 0.
+    light:   (3,) unit vector to the light, world axes. ambient: share of light without direction.
+    """
+
+    bodies: tuple[Body, ...]
+    camera: Motion
+    light: F8
+    ambient: float
+    bank: TextureBank
+
+    @property
+    def movers(self) -> tuple[Body, ...]:
+        """Bodies that move on their own."""
+        return tuple(body for body in self.bodies if body.motion is not None)
+
+
+class Parts(NamedTuple):
+    """All parts of a scene as arrays of P rows, for the kernels."""
+
+    shape: NDArray[np.int32]
+    inside: NDArray[np.int32]
+    texture: NDArray[np.int32]
+    period: F4
+    shift: F4
+    reflectance: F4
+    half: F4
+    openings: F4
+    radius: F4
+
+
+class Placed(NamedTuple):
+    """Parts as seen by the camera at F times.
+
+    to_part: (F, P, 3, 3) and origin: (F, P, 3): camera axes to the part's unit space, where it reaches from -1 to 1;
+             a ray (x, y, 1) keeps its parameter, which is depth.
+    light:   (F, P, 3) direction to the light in the part's axes. centre: (F, P, 3) of the part in camera axes.
+    """
+
+    to_part: F4
+    origin: F4
+    light: F4
+    centre: F4
+
+
+class PackedScene:
+    """A scene as arrays: constant ones once, moving ones for any times."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        parts = [part for body in scene.bodies for part in body.parts]
+        if len(parts) > MOST_PARTS:
+            raise ValueError(f"{len(parts)} parts in a scene, at most {MOST_PARTS}")
+        ids, movers = [], 0
+        for body in scene.bodies:
+            movers += body.motion is not None
+            ids += [movers if body.motion is not None else 0] * len(body.parts)
+        self.ids = np.array(ids, np.uint8)
+        clutter = np.cumsum([body.clutter for body in scene.bodies])
+        numbers = [int(n) if body.clutter else 0 for n, body in zip(clutter, scene.bodies, strict=True)]
+        self.clutter = np.repeat(np.array(numbers, np.uint8), [len(body.parts) for body in scene.bodies])
+        self.position = np.stack([part.position for part in parts])
+        self.rotation = np.stack([part.rotation for part in parts])
+        self.parts = _as_arrays(parts)
+
+    def placed(self, time_s: F8) -> Placed:
+        """Parts in camera axes at times (F,)."""
+        camera = self.scene.camera.at(time_s)
+        rotation = np.tile(self.rotation, (len(camera.position), 1, 1, 1))
+        position = np.tile(self.position, (len(camera.position), 1, 1))
+        for id_, body in enumerate(self.scene.movers, 1):
+            assert body.motion is not None
+            poses, mine = body.motion.at(time_s), np.flatnonzero(self.ids == id_)
+            rotation[:, mine] = poses.rotation[:, None] @ self.rotation[mine]
+            position[:, mine] = poses.position[:, None] + np.einsum("fij,pj->fpi", poses.rotation, self.position[mine])
+        part_from_world = rotation.swapaxes(-1, -2)
+        scale = 1 / self.parts.half.astype(np.float64)
+        offset = camera.position[:, None] - position
+        to_part = scale[..., None] * (part_from_world @ camera.rotation[:, None])
+        origin = scale * np.einsum("fpij,fpj->fpi", part_from_world, offset)
+        light = part_from_world @ self.scene.light
+        centre = np.einsum("fji,fpj->fpi", camera.rotation, -offset)
+        return Placed(*(np.ascontiguousarray(a, np.float32) for a in (to_part, origin, light, centre)))
+
+
+def _as_arrays(parts: list[Part]) -> Parts:
+    half = np.stack([part.half for part in parts])
+    round_xy = np.hypot(half[:, 0], half[:, 1])
+    reach = {BOX: np.linalg.norm(half, axis=1), ELLIPSOID: half.max(axis=1), GRATING: round_xy}
+    reach[CYLINDER] = np.hypot(half[:, :2].max(axis=1), half[:, 2])
+    surfaces = [part.surface for part in parts]
+    return Parts(
+        shape=np.array([part.shape for part in parts], np.int32),
+        inside=np.array([part.inside for part in parts], np.int32),
+        texture=np.array([surface.texture for surface in surfaces], np.int32),
+        period=np.array([surface.period for surface in surfaces], np.float32),
+        shift=np.array([surface.shift for surface in surfaces], np.float32),
+        reflectance=np.array([(surface.dark, surface.bright) for surface in surfaces], np.float32),
+        half=half.astype(np.float32),
+        openings=np.array([part.openings for part in parts], np.float32),
+        radius=np.array([reach[part.shape][i] for i, part in enumerate(parts)], np.float32),
+    )

@@ -1,0 +1,61 @@
+"""Things the size of a hand or a shoebox: movers and static clutter come from this one family."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, Part
+from evimo.scene.motion import random_rotation
+from evimo.scene.paint import Paint
+
+F8 = NDArray[np.float64]
+SMALLEST, LARGEST = 0.1, 0.3  # overall length, m: the scans of EV-IMO's objects reach 0.12 to 0.26
+OVERLAP = 0.85  # of the distance at which two parts just touch
+
+
+def compound(rng: np.random.Generator, paint: Paint) -> tuple[Part, ...]:
+    """One to five parts that touch, about the origin."""
+    shapes: list[tuple[int, F8, F8, F8]] = []
+    for _ in range(int(rng.integers(1, 6))):
+        shape = int(rng.choice([BOX, ELLIPSOID, CYLINDER], p=[0.4, 0.35, 0.25]))
+        half = np.exp(rng.uniform(math.log(0.25), 0, 3))
+        half = np.array((half[0], half[0], half[2])) if shape == CYLINDER and rng.random() < 0.7 else half
+        rotation = random_rotation(rng) if rng.random() < 0.5 else np.eye(3)
+        position = np.zeros(3)
+        if shapes:
+            onto = shapes[rng.integers(len(shapes))]
+            way = random_rotation(rng)[0]
+            gap = reach(onto[0], onto[1], onto[2].T @ way) + reach(shape, half, rotation.T @ way)
+            position = onto[3] + OVERLAP * gap * way
+        shapes.append((shape, half, rotation, position))
+    corners = [position + np.abs(rotation) @ half * sign for _, half, rotation, position in shapes for sign in (-1, 1)]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    scale = math.exp(rng.uniform(math.log(SMALLEST), math.log(LARGEST))) / (high - low).max()
+    middle = (low + high) / 2
+    same = paint.surface(rng)
+    return tuple(
+        Part(
+            shape,
+            np.maximum(half * scale, 0.004),
+            (position - middle) * scale,
+            rotation,
+            same if rng.random() < 0.3 else paint.surface(rng),
+        )
+        for shape, half, rotation, position in shapes
+    )
+
+
+def reach(shape: int, half: F8, way: F8) -> float:
+    """From the centre of a primitive to its surface along the unit vector `way` in its own axes, m."""
+    if shape == BOX:
+        return float(1 / np.max(np.abs(way) / half))
+    if shape == ELLIPSOID:
+        return float(1 / np.linalg.norm(way / half))
+    return float(1 / max(np.hypot(way[0] / half[0], way[1] / half[1]), abs(way[2]) / half[2]))
+
+
+def size_of(parts: tuple[Part, ...]) -> F8:
+    """Half sizes (3,) of the axis-parallel box around a compound, m."""
+    far = [np.abs(part.position) + np.abs(part.rotation) @ part.half for part in parts]
+    return np.max(far, axis=0)

@@ -1,0 +1,154 @@
+"""The five kinds of rooms of EV-IMO's sets: boxes, floor, wall, table, tabletop."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, Body, Part
+from evimo.scene.motion import turned
+from evimo.scene.paint import Paint
+
+F8 = NDArray[np.float64]
+Range = tuple[float, float]
+ELEVATION: dict[str, Range] = {  # of the camera above what it looks at, rad
+    "boxes": (0.1, 0.6),
+    "floor": (0.8, 1.35),
+    "wall": (-0.2, 0.2),
+    "table": (0.3, 0.8),
+    "tabletop": (0.3, 0.9),
+}
+
+
+@dataclass(slots=True)
+class Room:
+    """A room while it is being furnished.
+
+    half:    (3,) half sizes, m; the floor's middle is the origin, z is up, the far wall is at +y.
+    focus:   (3,) what the camera looks at. support: height of what things stand on there, m.
+    """
+
+    rng: np.random.Generator
+    paint: Paint
+    half: F8
+    focus: F8 = field(default_factory=lambda: np.zeros(3))
+    support: float = 0.0
+    parts: list[Part] = field(default_factory=list)
+
+    def add(self, shape: int, position: tuple[float, ...] | F8, half: tuple[float, ...] | F8, **how: object) -> None:
+        """A part at `position` with half sizes `half`; `how`: rotation, plain (share), and fields of Part."""
+        plain, rotation = how.pop("plain", None), how.pop("rotation", np.eye(3))
+        surface = self.paint.surface(self.rng, plain=plain)  # type: ignore[arg-type]
+        where, size = np.asarray(position, np.float64), np.asarray(half, np.float64)
+        self.parts.append(Part(shape, size, where, rotation, surface, **how))  # type: ignore[arg-type]
+
+    def within(self, share: float, axis: int) -> float:
+        """A coordinate within this share of the room."""
+        return float(self.rng.uniform(-share, share) * self.half[axis])
+
+    def body(self) -> Body:
+        """The furnished room."""
+        return Body(tuple(self.parts))
+
+
+def furnished(rng: np.random.Generator, kind: str, paint: Paint) -> Room:
+    """A room of one kind."""
+    half = np.array([rng.uniform(2.5, 5), rng.uniform(2.5, 5), rng.uniform(2.3, 3.2)]) / 2
+    room = Room(rng, paint, half)
+    room.add(BOX, (0, 0, half[2]), half, inside=True, plain=0.8 if kind == "wall" and rng.random() < 0.6 else None)
+    room.add(BOX, (0, 0, -0.01), (half[0], half[1], 0.012))
+    _KINDS[kind](room)
+    if rng.random() < 0.5:
+        _floor_details(room)
+    return room
+
+
+def _boxes(room: Room) -> None:
+    rng = room.rng
+    for _ in range(int(rng.integers(4, 12))):
+        half = rng.uniform(0.06, 0.35, 3)
+        height = half[2] * rng.choice([1, 1, 3])
+        room.add(
+            BOX,
+            (room.within(0.9, 0), rng.uniform(0.1, 0.95) * room.half[1], height),
+            half,
+            rotation=turned(rng.uniform(0, 6.3)),
+        )
+    room.focus = np.array([room.within(0.3, 0), room.half[1] * 0.7, 0.5])
+
+
+def _table(room: Room, items: tuple[int, int] = (0, 5)) -> None:
+    rng = room.rng
+    room.support = float(rng.uniform(0.6, 0.9))
+    top = np.array([rng.uniform(0.4, 0.9), rng.uniform(0.3, 0.6), 0.02])
+    middle = np.array([room.within(0.2, 0), room.half[1] * rng.uniform(0.2, 0.6), room.support])
+    room.add(BOX, middle, top)
+    for x in (-0.9, 0.9):
+        for y in (-0.9, 0.9):
+            leg = (middle[0] + x * top[0], middle[1] + y * top[1], room.support / 2)
+            room.add(CYLINDER, leg, (0.03, 0.03, room.support / 2), plain=0.7)
+    for _ in range(int(rng.integers(*items))):
+        half = rng.uniform(0.02, 0.13, 3)
+        at = (*(middle[:2] + rng.uniform(-0.85, 0.85, 2) * top[:2]), room.support + 0.02 + half[2])
+        room.add(int(rng.choice([BOX, ELLIPSOID, CYLINDER])), at, half, rotation=turned(rng.uniform(0, 6.3)))
+    room.focus = middle + (0, 0, 0.1)
+
+
+def _tabletop(room: Room) -> None:
+    _table(room, (3, 12))
+
+
+def _wall(room: Room) -> None:
+    rng = room.rng
+    for _ in range(int(rng.integers(0, 5))):
+        at = (room.within(0.7, 0), room.half[1], rng.uniform(0.5, 2.0))
+        room.add(BOX, at, (rng.uniform(0.1, 0.5), 0.015, rng.uniform(0.1, 0.4)), plain=0.1)
+    if rng.random() < 0.2:  # a ladder or a rack against it
+        pitch = (float(rng.uniform(0.5, 2)), float(rng.uniform(2, 8)), 0.1, 0.15)
+        _net(room, (room.within(0.5, 0), room.half[1] - 0.1, 1.0), np.array([0.3, 1.0, 0.01]), pitch)
+    room.focus = np.array([room.within(0.3, 0), room.half[1], rng.uniform(0.8, 1.6)])
+
+
+def _floor(room: Room) -> None:
+    rng = room.rng
+    for _ in range(int(rng.integers(0, 4))):
+        half = rng.uniform(0.03, 0.2, 3)
+        at = (rng.uniform(-0.8, 0.8), rng.uniform(-0.2, 1.2), half[2])
+        room.add(int(rng.choice([BOX, CYLINDER])), at, half, rotation=turned(rng.uniform(0, 6.3)))
+    room.focus = np.array([0, 0.4, 0.0])
+
+
+def _floor_details(room: Room) -> None:
+    """A rug, tape and cables."""
+    rng = room.rng
+    if rng.random() < 0.5:
+        at = (room.within(0.3, 0), room.within(0.5, 1), 0.006)
+        room.add(BOX, at, (rng.uniform(0.3, 1.0), rng.uniform(0.3, 0.8), 0.003), rotation=turned(rng.uniform(0, 6.3)))
+    for _ in range(int(rng.integers(0, 4))):
+        at, along = (room.within(0.6, 0), room.within(0.8, 1), 0.008), turned(rng.uniform(0, 6.3))
+        if rng.random() < 0.5:
+            room.add(BOX, at, (rng.uniform(0.3, 1.0), rng.uniform(0.01, 0.03), 0.002), rotation=along, plain=1.0)
+        else:
+            lying = along @ np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]])
+            room.add(CYLINDER, at, (0.006, 0.006, rng.uniform(0.3, 1.0)), rotation=lying, plain=1.0)
+
+
+def net_in_front(room: Room, camera: F8, axes: F8) -> None:
+    """A net or a fence of bars between the camera and the scene; `axes` are the camera's as columns."""
+    rng = room.rng
+    distance, half = rng.uniform(0.3, 0.6), np.array([rng.uniform(0.25, 0.8), rng.uniform(0.25, 0.8), 0.01])
+    pitch, bar = rng.uniform(0.02, 0.1), rng.uniform(0.002, 0.01)
+    bars = (0.0 if rng.random() < 0.15 else bar / pitch, 0.0 if rng.random() < 0.15 else bar / pitch)
+    tilted = axes @ turned(rng.normal() * 0.3)
+    at = camera + distance * axes[:, 2] + axes[:, :2] @ rng.normal(0, 0.08, 2)
+    _net(room, at, half, (half[0] / pitch, half[1] / pitch, *bars), rotation=tilted)
+
+
+def _net(
+    room: Room, at: tuple[float, ...] | F8, half: F8, openings: tuple[float, ...], *, rotation: F8 | None = None
+) -> None:
+    upright = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]) if rotation is None else rotation
+    room.add(GRATING, at, half, rotation=upright, openings=openings, plain=0.6)
+
+
+_KINDS = {"boxes": _boxes, "floor": _floor, "wall": _wall, "table": _table, "tabletop": _tabletop}

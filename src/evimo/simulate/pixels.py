@@ -1,0 +1,156 @@
+"""An array of event pixels: feed it frames, it gives events."""
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.events.events import Events
+from evimo.simulate.kernels import BAND, NEVER, events_of_frames, seeded
+from evimo.simulate.sensor import SHOT_DROP, WHITE, SensorSettings
+
+F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
+EVENTS_PER_PIXEL = 40  # room between two calls, on average over a band; what goes beyond is lost, and counted
+FLICKER_STEP_S = 0.0005
+
+
+class PixelState(NamedTuple):
+    """Per pixel (N,): constants and state.
+
+    on, off: thresholds. leak, shot: Hz. level: low-passed signal. gap: level minus reference.
+    blind: end of the dead time, s. noise: time of the next noise event, s. random: generator.
+    """
+
+    on: F8
+    off: F8
+    leak: F8
+    shot: F8
+    level: F8
+    gap: F8
+    blind: F8
+    noise: F8
+    random: NDArray[np.uint64]
+
+
+class KernelSettings(NamedTuple):
+    """What the kernel needs of the settings."""
+
+    width: int
+    refractory: float
+    jitter: float
+    lagging: bool
+
+
+class EventRoom(NamedTuple):
+    """Room for events, one row per band."""
+
+    t: NDArray[np.int64]
+    pixel: NDArray[np.int32]
+    p: NDArray[np.int8]
+
+
+class Pixels:
+    """The pixels of one sensor, started on a first frame.
+
+    Args:
+        settings: of the sensor. size: height and width. rng: draws the mismatch between pixels.
+        first: irradiance (H, W) at `start_s`, when the sensor has long been looking at it.
+    """
+
+    def __init__(self, settings: SensorSettings, rng: np.random.Generator, *, first: F4, start_s: float) -> None:
+        self.settings, self.size = settings, first.shape
+        number = first.size
+        self.kernel = KernelSettings(
+            first.shape[1], settings.refractory_s, settings.jitter_s, settings.bandwidth_hz > 0
+        )
+        self.state = _state(settings, rng, number)
+        self.state.shot[:] *= 1 - SHOT_DROP * np.minimum(1, first.ravel() / WHITE)
+        self._draw_hot(rng)
+        light = self._lit(first[None], np.array([start_s]))
+        self.state.level[:] = np.log(light + np.float32(settings.floor)).ravel()
+        phase = rng.uniform(-1, 1, number)  # of the memorised level between the thresholds
+        self.state.gap[:] = 0.999 * np.where(phase > 0, phase * self.state.on, phase * self.state.off)
+        with np.errstate(divide="ignore"):
+            wait = -np.log(rng.random(number)) / self.state.shot
+        self.state.noise[:] = np.where(self.state.shot > 0, start_s + wait, NEVER)
+        bands = math.ceil(first.shape[0] / BAND)
+        room = BAND * first.shape[1] * EVENTS_PER_PIXEL
+        self.room = EventRoom(
+            np.empty((bands, room), np.int64),
+            np.empty((bands, room), np.int32),
+            np.empty((bands, room), np.int8),
+        )
+        self.lost = 0
+
+    def _draw_hot(self, rng: np.random.Generator) -> None:
+        hot = rng.random(len(self.state.shot)) < self.settings.hot_share
+        self.state.shot[hot] = np.exp(rng.uniform(math.log(10), math.log(200), hot.sum()))
+
+    def events(self, image: F4, time_s: F8) -> Events:
+        """Events from the first to the last of the frames (F, H, W), irradiance at times (F,); sorted by time.
+
+        The first frame is the last one of the call before (or the one the sensor was started on). Jitter can move
+        single events beyond these times.
+        """
+        image, time_s = self._with_flicker(image, time_s)
+        light = image.reshape(len(image), -1) + np.float32(self.settings.floor)
+        lag = decay = np.empty((0, 0), np.float32)
+        if self.kernel.lagging:
+            slowest = 2 * np.pi * self.settings.bandwidth_hz / (WHITE + self.settings.floor)
+            steps = np.diff(time_s, prepend=time_s[0] - 1).astype(np.float32)
+            pace = light * (steps * np.float32(slowest))[:, None]  # step / tau
+            lag, decay = 1 / pace, np.exp(-pace)
+        fired = events_of_frames(time_s, np.log(light), lag, decay, self.state, self.kernel, self.room)
+        return self._gathered(fired)
+
+    def _gathered(self, fired: NDArray[np.int64]) -> Events:
+        filled = np.minimum(fired, self.room.t.shape[1])
+        self.lost += int((fired - filled).sum())
+        t, pixel, p = (
+            np.concatenate([row[:n] for row, n in zip(rows, filled, strict=True)]) for rows in self.room
+        )
+        order = np.argsort(t, kind="stable")
+        y, x = np.divmod(pixel[order], self.size[1])
+        return Events(x.astype(np.uint16), y.astype(np.uint16), t[order], p[order])
+
+    def _with_flicker(self, image: F4, time_s: F8) -> tuple[F4, F8]:
+        """Frames in steps short enough for the lamps, multiplied by them."""
+        if not self.settings.flicker_depth:
+            return image, time_s
+        parts = max(1, math.ceil(np.diff(time_s).max() / FLICKER_STEP_S))
+        at = np.arange((len(time_s) - 1) * parts + 1) / parts
+        before = np.minimum(at.astype(int), len(time_s) - 2)
+        share = (at - before)[:, None, None].astype(np.float32)
+        finer = np.interp(at, np.arange(len(time_s)), time_s)
+        return self._lit(image[before] * (1 - share) + image[before + 1] * share, finer), finer
+
+    def _lit(self, image: F4, time_s: F8) -> F4:
+        """Under lamps on alternating current: twice per period bright."""
+        if not self.settings.flicker_depth:
+            return image
+        wave = np.abs(np.sin(np.pi * self.settings.flicker_hz * time_s))
+        return image * (1 + self.settings.flicker_depth * wave).astype(np.float32)[:, None, None]
+
+
+def blurred(image: F4, sigma_px: float) -> F4:
+    """Frames (F, H, W) through the lens's point spread."""
+    if not sigma_px:
+        return image
+    return np.stack([cv2.GaussianBlur(frame, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE) for frame in image])
+
+
+def _state(settings: SensorSettings, rng: np.random.Generator, number: int) -> PixelState:
+    ratio = math.sqrt(settings.on_over_off)
+    on, off = (
+        np.maximum(0.02, settings.contrast * side * (1 + settings.mismatch * rng.normal(size=number)))
+        for side in (ratio, 1 / ratio)
+    )
+    leak = settings.leak_hz * np.exp(rng.normal(size=number) * 0.25)
+    shot = settings.shot_hz * np.exp(rng.normal(size=number) * 0.3)
+    level, gap, blind, noise = (np.zeros(number) for _ in range(4))
+    blind -= NEVER
+    random = seeded(int(rng.integers(2**62)), number)
+    return PixelState(on, off, leak, shot, level, gap, blind, noise, random)

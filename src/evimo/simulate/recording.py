@@ -1,0 +1,164 @@
+"""One simulated recording: slices of events, and the truth at their centres."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadInput
+from evimo.events.events import Events, joined
+from evimo.geometry.camera import Camera
+from evimo.recordings.truth import Truth
+from evimo.scene.bodies import Scene
+from evimo.scene.draw import SETS, draw_scene
+from evimo.scene.renderer import Renderer
+from evimo.scene.textures import texture_bank
+from evimo.simulate.cameras import draw_camera
+from evimo.simulate.pixels import Pixels, blurred
+from evimo.simulate.sensor import SensorSettings, draw_sensor
+
+F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
+
+SLICE_US = 25_000
+SLICE_S = SLICE_US * 1e-6
+WARM_UP_S = 0.015  # its events are dropped: by then refractory periods and the low-pass have settled
+STEP_PX = 0.75  # the fastest one pixel in a hundred moves this far between frames
+SHORTEST_S, LONGEST_S = 0.0004, 0.005  # between frames
+RECORDINGS_PER_BANK = 64  # of textures: building one takes seconds
+ATTEMPTS = 40
+LEAST_VISIBLE = 0.003  # share of pixels that movers must cover at some time, where there are movers
+LAST_US = 1 << 62
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedSlice:
+    """Events with k·25 ms <= t < (k+1)·25 ms, and the truth at the middle."""
+
+    events: Events
+    truth: Truth
+    clutter: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class SimulatedRecording:
+    """A scene, a camera and a sensor, ready to be filmed; iterating yields its slices.
+
+    seed, set_number: it is made from these alone (and seconds and camera). settings: of the sensor.
+    """
+
+    seed: int
+    set_number: int
+    seconds: float
+    camera: Camera
+    scene: Scene
+    settings: SensorSettings
+    attempts: int
+
+    @property
+    def slices(self) -> int:
+        """How many slices it has."""
+        return round(self.seconds / SLICE_S)
+
+    def __iter__(self) -> Iterator[SimulatedSlice]:
+        """Film it: constant memory, whatever the length."""
+        rng = np.random.default_rng((self.seed, self.set_number, 0xE7E))
+        film = _Film(Renderer(self.scene, self.camera), self.settings, rng)
+        waiting, held = film.run(-WARM_UP_S, 0.0).events, None
+        for index in range(self.slices):
+            newest = film.run(index * SLICE_S, (index + 1) * SLICE_S)
+            waiting = _in_order(joined([waiting, newest.events]))  # jitter mixes neighbouring slices
+            if held:
+                start_us, stop_us = (index - 1) * SLICE_US, index * SLICE_US
+                yield replace(held, events=waiting.between(start_us, stop_us))
+                waiting = waiting.between(stop_us, LAST_US)
+            held = newest
+        if held:
+            stop_us = self.slices * SLICE_US
+            yield replace(held, events=waiting.between(stop_us - SLICE_US, stop_us))
+
+    def facts(self) -> dict[str, object]:
+        """What made it, for the recording's JSON."""
+        return {
+            "set": self.set_number,
+            "seed": self.seed,
+            "seconds": self.seconds,
+            "sensor": asdict(self.settings),
+            "movers": len(self.scene.movers),
+            "clutter_bodies": sum(body.clutter for body in self.scene.bodies),
+            "attempts": self.attempts,
+        }
+
+
+def simulate_recording(
+    seed: int, *, set_number: int = 1, seconds: float = 1.0, camera: str = "random", size: tuple[int, int] = (260, 346)
+) -> SimulatedRecording:
+    """Draw a recording of one of the paper's sets.
+
+    Args:
+        seed: the same seed gives the same recording. set_number: 1 to 6.
+        seconds: a multiple of 0.025. camera: `random` or `evimo`. size: height and width of the sensor, px.
+
+    Raises:
+        BadInput: no such set or camera, or less than one slice.
+    """
+    if set_number not in SETS:
+        raise BadInput(f"no set {set_number}", fix="a set from 1 to 6")
+    if round(seconds / SLICE_S) < 1:
+        raise BadInput(f"a recording of {seconds} s", fix="at least 0.025 s")
+    style = SETS[set_number]
+    bank = texture_bank(seed // RECORDINGS_PER_BANK)
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng((seed, set_number, attempt))
+        lens = draw_camera(rng, camera, size)
+        scene = draw_scene(rng, style, bank, seconds=seconds)
+        if _is_watchable(scene, lens, seconds):
+            break
+    settings = draw_sensor(rng, dark=style.dark or rng.random() < 0.08)
+    return SimulatedRecording(seed, set_number, seconds, lens, scene, settings, attempt + 1)
+
+
+def _is_watchable(scene: Scene, camera: Camera, seconds: float) -> bool:
+    """Some mover is seen at some time, nothing covers the camera, and the camera stays in the room."""
+    renderer = Renderer(scene, camera)
+    times = np.linspace(0.5 * SLICE_S, seconds - 0.5 * SLICE_S, 5)
+    depth, parts = renderer.glance(times)
+    if np.median(depth, axis=1).min() < 0.3 or (parts < 0).any():
+        return False
+    movers = (renderer.packed.ids[parts] > 0).mean(axis=1)
+    return movers.max() < 0.5 and (not scene.movers or movers.max() > LEAST_VISIBLE)
+
+
+class _Film:
+    """Renders in steps fine enough for the motion and feeds the pixels; keeps the last frame."""
+
+    def __init__(self, renderer: Renderer, settings: SensorSettings, rng: np.random.Generator) -> None:
+        self.renderer, self.settings = renderer, settings
+        self.last = blurred(renderer.frames(np.array([-WARM_UP_S])).image, settings.blur_px)
+        self.pixels = Pixels(settings, rng, first=self.last[0], start_s=-WARM_UP_S)
+
+    def run(self, start_s: float, stop_s: float) -> SimulatedSlice:
+        """Events of [start_s, stop_s) up to jitter, and the truth in the middle."""
+        middle_s = 0.5 * (start_s + stop_s)
+        halves = math.ceil((stop_s - start_s) / self._step(middle_s) / 2)
+        time_s = np.linspace(start_s, stop_s, 2 * halves + 1)
+        frames = self.renderer.frames(time_s[1:])
+        image = np.concatenate((self.last, blurred(frames.image, self.settings.blur_px)))
+        self.last = image[-1:]
+        events = self.pixels.events(image, time_s)
+        seen = frames.depth[halves - 1], frames.parts[halves - 1]
+        clutter = np.where(seen[1] >= 0, self.renderer.packed.clutter[np.maximum(seen[1], 0)], 0)
+        return SimulatedSlice(events, self.renderer.truth(round(middle_s * 1e6), seen), clutter.astype(np.uint8))
+
+    def _step(self, time_s: float) -> float:
+        """Time between frames for the image motion at this time."""
+        flow = self.renderer.glance_flow(time_s) * self.renderer.camera.fx
+        fast = np.percentile(np.linalg.norm(flow, axis=0), 99)
+        return float(np.clip(STEP_PX / max(fast, 1e-3), SHORTEST_S, LONGEST_S))
+
+
+def _in_order(events: Events) -> Events:
+    order = np.argsort(events.t, kind="stable")
+    return Events(events.x[order], events.y[order], events.t[order], events.p[order])
