@@ -56,7 +56,7 @@ def draw_scene(rng: np.random.Generator, style: SetStyle, bank: TextureBank, *, 
     """One scene; things stand where they are meant to be at a random time within 0...seconds."""
     kind = str(rng.choice(style.rooms))
     plain = float(np.clip(style.plain + rng.normal() * 0.25, 0, 1))
-    paint = Paint(bank, plain, (0.3, float(rng.uniform(0.8, 3.0))), (0.15, 1.2))
+    paint = Paint(bank, plain, (0.5, float(rng.uniform(1.2, 3.2))), (0.15, 1.2))
     room = furnished(rng, kind, paint)
     pace = _jittered(rng, PACES[style.pace])
     position, axes, distance = _viewpoint(rng, kind, room)
@@ -112,7 +112,7 @@ def _bodies(
 ) -> tuple[Body, ...]:
     """The room, movers, and clutter of the same family of shapes, textures and places as the movers."""
     style, pace, seconds = dynamics
-    family = Paint(bank, float(rng.choice([0.05, 0.25, 0.7])), (0.3, float(rng.uniform(0.8, 3.0))), (0.06, 0.35))
+    family = Paint(bank, float(rng.choice([0.05, 0.25, 0.7])), (0.5, float(rng.uniform(1.2, 3.2))), (0.06, 0.35))
     count = 0 if rng.random() < NO_MOVERS else int(rng.choice(style.movers))
     shy = rng.random() < 0.2  # slow plain movers: the background then fires most events
     own = Paint(bank, 0.85, (0.2, 0.8), (0.1, 0.5)) if shy else family
