@@ -1,0 +1,166 @@
+"""`evimo evaluate` on recordings made by hand, with a model that knows the truth."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pytest import approx
+
+from evimo.cli import main
+from evimo.cli.evaluate import recordings_in
+from evimo.errors import NotFound
+from evimo.evaluation.report import MODEL, load_report
+from evimo.events.events import Events
+from evimo.geometry.camera import Camera
+from evimo.recordings.estimate import Estimate
+from evimo.recordings.flow import true_flow
+from evimo.recordings.recording import Recording, open_recording
+from evimo.recordings.truth import ObjectTruth, Truth
+from evimo.recordings.writer import RecordingWriter
+
+CAMERA = Camera(fx=40.0, fy=40.0, cx=19.5, cy=14.5, height=30, width=40)
+EGO = np.array([0.3, 0, 0.4, 0, 0.2, 0])
+SLICES = 3
+
+
+def truth_at(t_us: int) -> Truth:
+    """A wall at 2 m with a patch of clutter, and a square of 10x10 pixels at 1 m that moves 0.2 m/s to the right."""
+    ids, clutter = np.zeros(CAMERA.size, np.uint8), np.zeros(CAMERA.size, bool)
+    ids[10:20, 10:20] = 1
+    clutter[0:5, 30:40] = True
+    depth = np.where(ids == 1, 1.0, 2.0).astype(np.float32)
+    mover = ObjectTruth(np.array([0, 0, 1.0]), np.array([0.2, 0, 0]), np.zeros(3))
+    return Truth(t_us, depth, np.ones(CAMERA.size, bool), ids, clutter, EGO, {1: mover})
+
+
+def events_in(k: int) -> Events:
+    """One event per pixel, spread over slice k."""
+    y, x = (each.ravel() for each in np.mgrid[: CAMERA.height, : CAMERA.width])
+    t = k * 25_000 + np.linspace(0, 24_999, len(x)).astype(np.int64)
+    return Events(x.astype(np.uint16), y.astype(np.uint16), t, np.ones(len(x), np.int8))
+
+
+def save_recording(folder: Path) -> Path:
+    with RecordingWriter(folder, CAMERA, facts={"set": 4, "seed": 0}) as writer:
+        for k in range(SLICES):
+            writer.write(events_in(k), truth_at(k * 25_000 + 12_500))
+    return folder
+
+
+def all_knowing(recording: Recording) -> Iterator[Estimate]:
+    """What a perfect model says: all velocities and depths in units of 2 m, but no object velocity."""
+    height, width = CAMERA.size
+    grid = (np.mgrid[:height, :width][::-1] - np.array([[[19.5]], [[14.5]]])) / 40
+    for k in range(len(recording)):
+        truth = recording.truth(k)
+        yield Estimate(
+            t_us=truth.t_us,
+            start_us=k * 25_000,
+            stop_us=(k + 1) * 25_000,
+            moving_probability=(truth.ids > 0).astype(np.float32),
+            ids=truth.ids,
+            rel_depth=truth.depth / 2,
+            flow=true_flow(truth, grid).astype(np.float32),
+            valid=np.ones(CAMERA.size, bool),
+            ego=truth.ego * [0.5, 0.5, 0.5, 1, 1, 1],
+            objects=(),
+        )
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Replaces the networks by the truth; lists the recordings that were run."""
+    done: list[Path] = []
+
+    def run(events, *, model, camera):
+        done.append(events.path)
+        return all_knowing(open_recording(events.path))
+
+    class Network:
+        def __init__(self, name):
+            self.sha256 = f"digest of {name}"
+
+    monkeypatch.setattr("evimo.cli.evaluate.streaming.run", run)
+    monkeypatch.setattr("evimo.cli.evaluate.Network", Network)
+    return done
+
+
+@pytest.fixture
+def recordings(tmp_path: Path) -> Path:
+    for name in ("b", "a"):
+        save_recording(tmp_path / "set" / name)
+    return tmp_path / "set"
+
+
+def test_a_perfect_model_is_perfect_and_the_trivial_answers_are_not(runs, recordings, tmp_path, capsys):
+    assert main(["evaluate", str(recordings), "--out", str(tmp_path / "out")]) == 0
+    report = load_report(tmp_path / "out" / "report.json")
+    assert report.counts["recordings"] == 2
+    assert report.counts["slices"] == 2 * SLICES
+    for name in ("iou", "iou_pooled", "event_iou", "recall", "delta_1"):
+        assert report.value(MODEL, name) == approx(1), name
+    for name in ("clutter", "flow", "camera_aee", "camera_aee_depth", "camera_rre", "direction", "abs_rel"):
+        assert report.value(MODEL, name) == approx(0, abs=2e-3), name
+    assert report.value(MODEL, "object_aee") == approx(0.2)  # it says nothing of objects
+    assert report.value("everything moves", "event_iou") == approx(100 / 1200)
+    assert report.value("zero twist", "camera_aee") == approx(0.5)
+    assert report.value("zero twist", "camera_rre") == approx(0.2)
+    assert report.value("mean depth", "abs_rel") == approx(100 / 1200)
+    printed = capsys.readouterr().out
+    assert "simulated recordings" in printed and "beats zero flow" in printed
+    page = (tmp_path / "out" / "report.md").read_text()
+    assert "| model, set 4 | 1.000 |" in page and "event density, oracle threshold" in page
+
+
+def test_flow_of_zero_motion_is_what_the_camera_geometry_says(runs, recordings, tmp_path):
+    main(["evaluate", str(recordings / "a"), "--out", str(tmp_path / "out")])
+    truth = truth_at(12_500)
+    lengths = []
+    for y, x in np.ndindex(CAMERA.size):  # move the camera for a millisecond and look again
+        z = float(truth.depth[y, x])
+        point = np.array([(x - 19.5) / 40 * z, (y - 14.5) / 40 * z, z])
+        after = point - (EGO[:3] + np.cross(EGO[3:], point)) * 1e-3 + (truth.ids[y, x] == 1) * np.array([0.2e-3, 0, 0])
+        lengths.append(np.hypot(*(40 * (after[:2] / after[2] - point[:2] / point[2]))) / 1e-3)
+    zero = load_report(tmp_path / "out" / "report.json").value("zero flow", "flow_dense")
+    assert zero == approx(np.mean(lengths), rel=1e-2)
+
+
+def test_recordings_scored_before_are_not_scored_again(runs, recordings, tmp_path):
+    command = ["evaluate", str(recordings), "--out", str(tmp_path / "out")]
+    main(command)
+    first = (tmp_path / "out" / "report.json").read_text()
+    assert [path.name for path in runs] == ["a", "b"]
+    main(command)
+    assert len(runs) == 2
+    assert (tmp_path / "out" / "report.json").read_text() == first
+    next((tmp_path / "out" / "recordings").glob("a-*.json")).write_text("{")  # cut short by a crash
+    main(command)
+    assert [path.name for path in runs] == ["a", "b", "a"]
+    main([*command, "--model", "other.onnx"])
+    assert len(runs) == 5
+    main([*command, "--model", "other.onnx", "--density-threshold", "1.5"])
+    assert len(runs) == 7
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["settings"]["density threshold"] == 1.5
+
+
+def test_each_recording_counts_once_however_it_is_named(recordings):
+    assert recordings_in([recordings, recordings / "b"]) == [recordings / "a", recordings / "b"]
+
+
+def test_unfinished_recordings_are_passed_over(recordings):
+    (recordings / "a").rename(recordings / ".a.unfinished")
+    assert recordings_in([recordings]) == [recordings / "b"]
+
+
+def test_a_folder_without_recordings_is_one_error(tmp_path, capsys):
+    assert main(["evaluate", str(tmp_path)]) == 2
+    assert "no recording in" in capsys.readouterr().err
+    with pytest.raises(NotFound, match="no recording given"):
+        recordings_in([])
+
+
+def test_a_model_that_is_not_there_is_one_error(recordings, capsys):
+    assert main(["evaluate", str(recordings), "--model", "nowhere.onnx"]) == 2
+    assert "no model 'nowhere.onnx'" in capsys.readouterr().err
