@@ -69,7 +69,9 @@ def plot(image: Image, box: Box, ages_s: NDArray[np.float64], values: NDArray[np
     for axis, (name, colour) in enumerate(AXES):
         at = box.x + axis * (box.width / 3), box.bottom - 8
         behind = write(image, name, at, colour=colour, bold=True)
-        write(image, f"{values[-1, axis]:+.2f}", (behind + 5, at[1]), size=PLAIN, colour=colour)
+        value = float(values[-1, axis])
+        number = f"{value:+.2f}" if abs(value) < 100 else f"{value:+.0f}"
+        write(image, number, (behind + 5, at[1]), size=PLAIN, colour=colour)
 
 
 def _rulers(image: Image, area: Box, limit: float) -> None:
