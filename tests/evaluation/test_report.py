@@ -17,7 +17,7 @@ from evimo.evaluation.tables import as_markdown, as_rich
 
 def report_of(sample, mask) -> Report:
     density = baselines.density_scores(sample, (1.0, 2.0))
-    rows = {MODEL: mask_scores(mask, sample), **baselines.trivial_scores(sample)}
+    rows = {MODEL: mask_scores(mask, sample), **baselines.trivial_scores(sample), baselines.DENSITY: density[1.0]}
     return Report(
         "simulated recordings",
         rows,
@@ -84,6 +84,7 @@ def test_tables_hold_every_row_and_the_numbers(report):
         assert f"| {row} |" in page
     assert "| model | 0.500 |" in page and "| model, set 1 | 0.500 |" in page
     assert "2 slices" in page and "model: hand made" in page
+    assert list(report.table_rows)[-1].startswith(baselines.DENSITY_ORACLE)
     assert baselines.DENSITY_ORACLE in page
 
 

@@ -25,11 +25,13 @@ DENSITY_THRESHOLD = 3.0
 
 ALL_BACKGROUND = "all background"
 EVERYTHING = "everything moves"
-DENSITY = "event density, threshold tuned elsewhere"
+DENSITY = "event density, tuned elsewhere"
 DENSITY_ORACLE = "event density, oracle threshold"
 MEAN_DEPTH = "mean depth"
 ZERO_FLOW = "zero flow"
 ZERO_TWIST = "zero twist"
+ROWS = (ALL_BACKGROUND, EVERYTHING, DENSITY, MEAN_DEPTH, ZERO_FLOW, ZERO_TWIST)
+"""In the order of the tables."""
 
 
 def event_density(events: Events, size: tuple[int, int], *, box_px: int = BOX_PX) -> NDArray[np.float32]:

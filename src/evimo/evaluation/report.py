@@ -51,11 +51,15 @@ class Report:
 
     @property
     def table_rows(self) -> dict[str, Scores]:
-        """The rows of the tables: `rows` and, where densities were scored, the oracle threshold."""
-        rows = dict(self.rows)
-        if self.density:
-            best = baselines.best_threshold(dict(self.density))
-            rows[f"{baselines.DENSITY_ORACLE} {best:g}"] = self.density[best]
+        """The rows of the tables: `rows` and, where densities were scored, the oracle threshold after the tuned one."""
+        if not self.density:
+            return dict(self.rows)
+        best = baselines.best_threshold(dict(self.density))
+        rows: dict[str, Scores] = {}
+        for row, scores in self.rows.items():
+            rows[row] = scores
+            if row == baselines.DENSITY:
+                rows[f"{baselines.DENSITY_ORACLE} {best:.2f}"] = self.density[best]
         return rows
 
     def value(self, row: str, name: str) -> float | None:

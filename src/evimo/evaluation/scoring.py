@@ -109,6 +109,7 @@ def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_th
     density = baselines.density_scores(sample, (*baselines.THRESHOLDS, density_threshold))
     rows = {MODEL: estimate_scores(estimate, sample), **baselines.trivial_scores(sample)}
     rows[baselines.DENSITY] = density[density_threshold]
+    rows = {row: rows[row] for row in (MODEL, *baselines.ROWS)}
     counts = {
         "slices": 1,
         "slices without movers": int(not sample.moving.any()),

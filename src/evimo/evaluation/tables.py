@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from rich.box import SIMPLE
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -13,9 +14,9 @@ from evimo.evaluation.scores import Score
 ARROWS = {"higher": "↑", "lower": "↓"}
 
 
-def header(column: Column) -> str:
+def header(column: Column, *, between: str = " ") -> str:
     """Name, unit and which way is better."""
-    return f"{column.header} {f'[{column.unit}] ' if column.unit else ''}{ARROWS[column.better]}"
+    return between.join(part for part in (column.header, column.unit, ARROWS[column.better]) if part)
 
 
 def cell(score: Score | None, column: Column) -> str:
@@ -37,7 +38,7 @@ def cells(report: Report, section: str) -> list[list[str]]:
     ]
     model = report.rows.get(MODEL, {})
     samples = [str(model[column.name].samples) if column.name in model else "0" for column in columns]
-    return [*lines, ["samples kept (slices, objects)", *samples]]
+    return [*lines, ["samples kept (slices or objects)", *samples]]
 
 
 def notes(report: Report) -> Iterator[str]:
@@ -57,10 +58,10 @@ def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> R
     """Tables and notes for a rich console."""
     parts: list[RenderableType] = []
     for section in sections:
-        table = Table(title=f"{report.title}: {section}", title_justify="left")
-        table.add_column("", overflow="fold", min_width=18)
+        table = Table(title=f"{report.title}: {section}", title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
+        table.add_column("", no_wrap=True)
         for name in SECTIONS[section]:
-            table.add_column(header(BY_NAME[name]), justify="right")
+            table.add_column(Text(header(BY_NAME[name], between="\n")), justify="right")
         *lines, samples = cells(report, section)
         for line in lines:
             table.add_row(*line, style="bold" if line[0] == MODEL else None)
