@@ -5,6 +5,8 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.streaming.tallies import shared_pixels
+
 U1 = NDArray[np.uint8]
 
 MEMORY = 4  # slices for which an object may be lost and keep its id: 0.1 s
@@ -45,8 +47,7 @@ class Identities:
 
     def _matched(self, labels: U1, last: U1, count: int) -> dict[int, int]:
         """Label to id, the best overlap first, each side once."""
-        both = np.bincount(labels.ravel().astype(np.intp) * 256 + last.ravel(), minlength=(count + 1) * 256)
-        shared = both.reshape(count + 1, 256)
+        shared = shared_pixels(labels, last)[: count + 1]
         area, last_area = shared.sum(axis=1), shared.sum(axis=0)
         label, known = (index + 1 for index in np.nonzero(shared[1:, 1:]))
         inside = shared[label, known]

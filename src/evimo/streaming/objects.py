@@ -2,15 +2,16 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 from evimo.geometry.rectification import Rectification
 from evimo.recordings.estimate import Estimate, MovingObject
 from evimo.streaming.identities import Identities
 from evimo.streaming.inference import Answer
 from evimo.streaming.regions import regions, smallest_region
+from evimo.streaming.tallies import extents, weighted_sums
 
 F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
 U1 = NDArray[np.uint8]
 
 
@@ -52,39 +53,36 @@ class ObjectFinder:
         )
 
 
-def measured(ids: U1, rel_depth: F4, velocities: dict[int, NDArray[np.float64]]) -> tuple[MovingObject, ...]:
-    """The objects of an image of ids (H, W), smallest id first; `velocities` holds (3,) for each id."""
+def measured(ids: U1, rel_depth: F4, velocities: F8) -> tuple[MovingObject, ...]:
+    """The objects of an image of ids (H, W), smallest id first; `velocities` (256, 3) holds one for each id."""
+    where = extents(ids)
     found: list[MovingObject] = []
-    for number, box in enumerate(find_objects(ids), start=1):
-        if box is None:
-            continue
-        mask = ids[box] == number
-        y0, x0 = box[0].start, box[1].start
-        area_px = int(np.count_nonzero(mask))
-        x = x0 + float(mask.sum(axis=0) @ np.arange(mask.shape[1])) / area_px
-        y = y0 + float(mask.sum(axis=1) @ np.arange(mask.shape[0])) / area_px
+    for number in np.flatnonzero(where.area_px).tolist():
+        area_px, x0, y0, x1, y1, sum_x, sum_y = (int(column[number]) for column in where)
+        box = slice(y0, y1 + 1), slice(x0, x1 + 1)
         found.append(
             MovingObject(
                 id=number,
-                box=(x0, y0, box[1].stop - 1, box[0].stop - 1),
+                box=(x0, y0, x1, y1),
                 area_px=area_px,
-                centroid=(x, y),
-                rel_distance=float(np.median(rel_depth[box][mask])),
+                centroid=(sum_x / area_px, sum_y / area_px),
+                rel_distance=_median(rel_depth[box][ids[box] == number]),
                 rel_velocity=velocities[number],
             )
         )
     return tuple(found)
 
 
-def rel_velocities(ids: U1, answer: Answer) -> dict[int, NDArray[np.float64]]:
-    """Each id's velocity (3,): the mean over its pixels in the rectified image, weighted by moving probability."""
-    velocities: dict[int, NDArray[np.float64]] = {}
-    for number, box in enumerate(find_objects(ids), start=1):
-        if box is not None:
-            mask = ids[box] == number
-            weights = answer.moving[box][mask].astype(np.float64)
-            velocities[number] = answer.velocity[:, *box][:, mask] @ weights / weights.sum()
-    return velocities
+def _median(values: F4) -> float:
+    """The median of values (N,); NumPy's own spends ten times as long on few values."""
+    middle = (len(values) - 1) // 2, len(values) // 2
+    return float(np.partition(values, middle)[[*middle]].mean())
+
+
+def rel_velocities(ids: U1, answer: Answer) -> F8:
+    """Each id's velocity (256, 3): the mean over its pixels in the rectified image, weighted by moving probability."""
+    weight, weighted, _ = weighted_sums(ids, answer.moving, answer.velocity)
+    return weighted / np.where(weight > 0, weight, 1)[:, None]
 
 
 def _nearest_rectified(rectification: Rectification) -> NDArray[np.intp]:

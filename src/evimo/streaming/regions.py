@@ -14,14 +14,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.streaming.tallies import LABELS, extents, weighted_sums
+
 F4 = NDArray[np.float32]
+U1 = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
 
 SMALLEST_SHARE, SMALLEST_PX = 0.0005, 12  # of a region: share of the image, and pixels at least
 APART = 4.5  # distance of two groups' means in standard deviations; cutting one evenly spread group gives 3.5
 DIFFERENT = 0.5  # the same distance in speeds of the faster group: 30 degrees apart, or half as fast
-CUTS = 2  # rounds of cutting: up to four objects in one region
+CUTS = 2  # rounds of cutting: up to four motions in one region
 SAMPLES = 4096  # pixels that the search for the threshold looks at
 BINS = 64
+MOST = LABELS - 1
 
 
 def smallest_region(size: tuple[int, int]) -> int:
@@ -29,60 +34,90 @@ def smallest_region(size: tuple[int, int]) -> int:
     return max(SMALLEST_PX, round(SMALLEST_SHARE * size[0] * size[1]))
 
 
-def regions(moving: NDArray[np.bool_], velocity: F4, *, smallest_px: int, most: int = 255) -> NDArray[np.uint8]:
-    """Number the moving regions, the largest first.
+def regions(moving: Mask, velocity: F4, *, smallest_px: int) -> U1:
+    """Number the moving regions, the largest first; at most 255.
 
     Args:
         moving: (h, w) the motion mask.
         velocity: (3, h, w) of what moves, any unit.
         smallest_px: smaller regions, and smaller parts of a cut, are dropped.
-        most: how many to keep, at most 255.
 
     Returns:
         (h, w) labels: 0 is the background, 1 the largest region.
     """
-    found = [mask for mask in _connected(moving, smallest_px) if mask.area_px >= smallest_px]
+    labels = _connected(moving, smallest_px)
+    suspects = range(1, MOST + 1)
     for _ in range(CUTS):
-        found = [part for region in found for part in _cut(region, velocity, smallest_px)]
-    found.sort(key=lambda region: -region.area_px)
-    labels = np.zeros(moving.shape, np.uint8)
-    for number, region in enumerate(found[:most], start=1):
-        labels[region.rows, region.columns][region.mask] = number
-    return labels
+        suspects = _cut_all(labels, velocity, smallest_px, _suspects(labels, velocity, smallest_px, suspects))
+        if not suspects:
+            break
+    return _by_size(labels)
 
 
-class _Region:
-    """A mask (h', w') inside the box `rows`, `columns` of the image."""
-
-    def __init__(self, rows: slice, columns: slice, mask: NDArray[np.bool_]) -> None:
-        self.rows, self.columns, self.mask = rows, columns, mask
-        self.area_px = int(np.count_nonzero(mask))
-
-
-def _connected(mask: NDArray[np.bool_], smallest_px: int, *, row: int = 0, column: int = 0) -> list[_Region]:
-    """Connected regions of a mask whose first pixel is at (row, column) of the image."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8, ltype=cv2.CV_16U)
-    found: list[_Region] = []
-    for number in np.flatnonzero(stats[:, cv2.CC_STAT_AREA] >= smallest_px):
-        if number:  # 0 is the rest
-            x, y, width, height = stats[number, :4].tolist()
-            inside = labels[y : y + height, x : x + width] == number
-            found.append(_Region(slice(row + y, row + y + height), slice(column + x, column + x + width), inside))
-    return found
+def _connected(mask: Mask, smallest_px: int) -> U1:
+    """Number the connected regions of a mask, the largest first."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
+    area_px = stats[:, cv2.CC_STAT_AREA]
+    area_px[0] = 0  # of what is not in the mask
+    largest = np.argsort(-area_px, kind="stable")[:MOST]
+    kept = largest[area_px[largest] >= smallest_px]
+    table = np.zeros(len(stats), np.uint8)
+    table[kept] = np.arange(1, len(kept) + 1)
+    return table[np.asarray(labels, np.int32)]
 
 
-def _cut(region: _Region, velocity: F4, smallest_px: int) -> list[_Region]:
-    """The region, or its parts if it moves in two ways."""
-    if region.area_px < 2 * smallest_px:
-        return [region]
-    inside: F4 = velocity[:, region.rows, region.columns][:, region.mask]
-    cut = _two_motions(inside[:, :: max(1, inside.shape[1] // SAMPLES)])
+def _by_size(labels: U1) -> U1:
+    """The same regions, the largest first."""
+    area_px = extents(labels).area_px
+    order = np.argsort(-area_px, kind="stable")
+    table = np.zeros(LABELS, np.uint8)
+    table[order] = np.where(area_px[order] > 0, np.arange(1, LABELS + 1), 0)
+    return table[labels]
+
+
+def _suspects(labels: U1, velocity: F4, smallest_px: int, among: range | list[int]) -> list[int]:
+    """Labels whose velocities vary enough for two groups to be possible: cheap, and sorts out most."""
+    weight, first, second = weighted_sums(labels, np.ones(labels.shape, np.float32), velocity)
+    area_px = np.maximum(weight, 1)
+    mean = first / area_px[:, None]
+    variance = second / area_px - (mean**2).sum(axis=1)
+    share = np.minimum(smallest_px / area_px, 0.5)
+    least = share * (1 - share) * (DIFFERENT**2) * (mean**2).sum(axis=1)  # of groups just far enough apart
+    possible = (weight >= 2 * smallest_px) & (variance > least)
+    return [label for label in among if possible[label]]
+
+
+def _cut_all(labels: U1, velocity: F4, smallest_px: int, suspects: list[int]) -> list[int]:
+    """Cut the suspects that move in two ways, in place; the labels of all parts."""
+    parts: list[int] = []
+    where, used = extents(labels), int(labels.max(initial=0))
+    for label in suspects:
+        box = slice(where.y0[label], where.y1[label] + 1), slice(where.x0[label], where.x1[label] + 1)
+        inside = labels[box] == label
+        fast = _faster_part(inside, velocity[:, *box])
+        if fast is None:
+            continue
+        numbers = _coherent_parts(inside, fast, smallest_px)
+        count = int(numbers.max(initial=0))
+        if count < 2 or used + count - 1 > MOST:
+            continue
+        names = np.array([0, label, *range(used + 1, used + count)], np.uint8)
+        labels[box][inside] = names[numbers[inside]]
+        parts += names[1:].tolist()
+        used += count - 1
+    return parts
+
+
+def _faster_part(inside: Mask, velocity: F4) -> Mask | None:
+    """Which pixels of a region move in the second of two ways; None if it moves in one."""
+    within: F4 = velocity[:, inside]
+    cut = _two_motions(within[:, :: 1 + within.shape[1] // SAMPLES])
     if cut is None:
-        return [region]
+        return None
     axis, threshold = cut
-    fast = np.zeros_like(region.mask)
-    fast[region.mask] = axis @ inside > threshold
-    return _coherent_parts(region, fast, smallest_px) or [region]
+    fast = np.zeros_like(inside)
+    fast[inside] = axis @ within > threshold
+    return fast
 
 
 def _two_motions(velocity: F4) -> tuple[F4, float] | None:
@@ -95,10 +130,10 @@ def _two_motions(velocity: F4) -> tuple[F4, float] | None:
     if not slow.any() or not fast.any():
         return None
     spread = np.sqrt((along[slow].var() * slow.sum() + along[fast].var() * fast.sum()) / len(along))
-    between = velocity[:, fast].mean(axis=1) - velocity[:, slow].mean(axis=1)
-    speed = max(float(np.linalg.norm(velocity[:, group].mean(axis=1))) for group in (slow, fast))
-    apart = float(np.linalg.norm(between))
-    return (axis, threshold) if apart > APART * spread and apart > DIFFERENT * speed else None
+    means = velocity[:, slow].mean(axis=1), velocity[:, fast].mean(axis=1)
+    apart = float(np.linalg.norm(means[1] - means[0]))
+    speed = max(float(np.linalg.norm(mean)) for mean in means)
+    return (axis, threshold) if apart > max(APART * spread, DIFFERENT * speed) else None
 
 
 def _otsu(values: F4) -> float:
@@ -113,17 +148,18 @@ def _otsu(values: F4) -> float:
     return float(edges[1 + best].mean())  # the middle of an empty gap
 
 
-def _coherent_parts(region: _Region, fast: NDArray[np.bool_], smallest_px: int) -> list[_Region]:
-    """Connected parts of both groups; crumbs of one group go to the other. Empty unless there are two parts."""
-    kept = [_connected(group, smallest_px) for group in (fast, region.mask & ~fast)]
-    if not all(kept):
-        return []
-    of_fast, of_slow = (np.zeros_like(region.mask) for _ in range(2))
-    for group, parts in zip((of_fast, of_slow), kept, strict=True):
-        for part in parts:
-            group[part.rows, part.columns] |= part.mask
-    crumbs = region.mask & ~of_fast & ~of_slow
-    of_slow |= crumbs & fast
-    of_fast |= crumbs & ~fast
-    corner = {"row": region.rows.start, "column": region.columns.start}
-    return [part for group in (of_fast, of_slow) for part in _connected(group, smallest_px, **corner)]
+def _coherent_parts(inside: Mask, fast: Mask, smallest_px: int) -> U1:
+    """Number the connected parts of both groups of a region; crumbs of one group go to the other.
+
+    Empty unless both groups have a part large enough.
+    """
+    groups = inside & fast, inside & ~fast
+    large = [_connected(group, smallest_px) > 0 for group in groups]
+    if not all(group.any() for group in large):
+        return np.zeros(inside.shape, np.uint8)
+    crumbs = inside & ~large[0] & ~large[1]
+    faster, slower = (
+        _connected(part | (crumbs & other), smallest_px) for part, other in zip(large, groups[::-1], strict=True)
+    )
+    count = int(faster.max(initial=0))
+    return np.where(slower > 0, slower + count, faster).astype(np.uint8)

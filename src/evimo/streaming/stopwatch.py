@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
@@ -15,7 +15,8 @@ class Stopwatch:
     Each stage belongs to one thread at a time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._clock = clock
         self.seconds: dict[str, float] = {}
         self._running = threading.local()
 
@@ -23,11 +24,11 @@ class Stopwatch:
     def stage(self, name: str) -> Generator[None]:
         """Count the time inside the `with` as `name`."""
         outer: float = getattr(self._running, "inner_s", 0.0)
-        self._running.inner_s, start = 0.0, time.perf_counter()
+        self._running.inner_s, start = 0.0, self._clock()
         try:
             yield
         finally:
-            elapsed = time.perf_counter() - start
+            elapsed = self._clock() - start
             self.seconds[name] = self.seconds.get(name, 0.0) + elapsed - self._running.inner_s
             self._running.inner_s = outer + elapsed
 

@@ -1,0 +1,89 @@
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from evimo.streaming.threads import Background, ahead
+
+
+def counting(made: list[int], *, last: int = 10_000) -> Iterator[int]:
+    for number in range(last):
+        made.append(number)
+        yield number
+
+
+def test_ahead_gives_the_same_items_in_order():
+    assert list(ahead(iter(range(1000)), depth=3)) == list(range(1000))
+    assert list(ahead(())) == []
+
+
+def test_ahead_works_in_another_thread_and_never_far_ahead():
+    made: list[int] = []
+    items = ahead(counting(made), depth=2)
+    assert next(items) == 0
+    time.sleep(0.2)
+    assert 2 <= len(made) <= 4  # one here, two waiting, one in the maker's hands
+    items.close()
+
+
+def test_a_failure_arrives_after_the_items_before_it():
+    def failing() -> Iterator[int]:
+        yield from (1, 2)
+        raise ValueError("broken")
+
+    seen: list[int] = []
+    with pytest.raises(ValueError, match="broken"):
+        seen.extend(ahead(failing()))
+    assert seen == [1, 2]
+
+
+def test_closing_ends_the_thread_and_closes_the_items():
+    closed = threading.Event()
+
+    def endless() -> Iterator[int]:
+        try:
+            while True:
+                yield 1
+        finally:
+            closed.set()
+
+    before = threading.active_count()
+    outer = ahead(ahead(endless()))
+    next(outer)
+    outer.close()
+    assert closed.wait(5)
+    deadline = time.monotonic() + 5
+    while threading.active_count() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert threading.active_count() == before
+
+
+def test_background_does_all_in_order_before_it_closes():
+    done: list[int] = []
+    worker = Background(done.append, depth=2)
+    for number in range(100):
+        worker.put(number)
+    worker.close()
+    assert done == list(range(100))
+
+
+def test_background_passes_a_failure_on():
+    def fail(_: int) -> None:
+        raise OSError("disk full")
+
+    worker = Background(fail, depth=1)
+    with pytest.raises(OSError, match="disk full"):
+        for number in range(100):
+            worker.put(number)
+    worker.close()
+
+
+def test_background_fails_on_close_at_the_latest():
+    def fail(_: int) -> None:
+        raise OSError("disk full")
+
+    worker = Background(fail, depth=8)
+    worker.put(1)
+    with pytest.raises(OSError, match="disk full"):
+        worker.close()
