@@ -205,7 +205,7 @@ def _is_number(value: Any) -> bool:
 
 def _numbers(path: Path, values: Any) -> list[float]:
     """A flat list of finite numbers."""
-    listed = cast("list[Any]", values) if isinstance(values, list) else [None]
+    listed: list[Any] = cast("list[Any]", values) if isinstance(values, list) else [None]
     if not all(map(_is_number, listed)):
         raise BadFile(f"{path}: not a list of finite numbers: {reprlib.repr(values)}", fix=f"give {FORMATS}")
     return [float(value) for value in listed]

@@ -16,6 +16,7 @@ F8 = NDArray[np.float64]
 COEFFICIENTS = {"radtan": (0, 4, 5), "fisheye": (0, 4)}
 WIDEST = math.radians(89)  # of a fisheye: at 90 degrees a ray no longer meets the plane Z = 1
 SETTLED_PX = 1e-6  # the inverse lens map counts as found where going forward again comes this close
+NEGLIGIBLE = 1e-12  # a lens coefficient that moves nothing this side of 89 degrees; its inverse would overflow
 ASSUMED_FOCAL = 0.75  # in widths: near the middle of the event cameras with published calibration
 
 
@@ -84,7 +85,7 @@ class Camera:
         pixel. The model holds only up to there. Says nothing about the borders of the sensor.
         """
         radius = np.linalg.norm(np.asarray(xy, np.float64), axis=-1)
-        return (np.arctan(radius) if self.lens == "fisheye" else radius) < self._turning_point()
+        return np.asarray((np.arctan(radius) if self.lens == "fisheye" else radius) < self._turning_point())
 
     def normalised(self, px: F8) -> tuple[F8, NDArray[np.bool_]]:
         """Pixels (..., 2) to points (..., 2) of the plane Z = 1, the lens taken out.
@@ -93,14 +94,16 @@ class Camera:
             The points, and `valid` (...): false where the lens model gives no direction for a pixel (`sees`); such
             points are finite and mean nothing.
         """
-        bent = (np.asarray(px, np.float64) - (self.cx, self.cy)) / (self.fx, self.fy)
+        at = (np.asarray(px, np.float64) - (self.cx, self.cy)) / (self.fx, self.fy)
         if self.is_pinhole:
-            return bent, np.ones(bent.shape[:-1], np.bool_)
+            return at, np.ones(at.shape[:-1], np.bool_)
+        bent = at.reshape(-1, 2)
         xy = self._straightened_radius(bent)
         if self.lens == "radtan":
             xy = self._newton(xy, bent)
         miss = np.abs(self._bent(xy) - bent).max(axis=-1) * max(self.fx, self.fy)
-        return xy, self.sees(xy) & (miss < SETTLED_PX)
+        valid = self.sees(xy) & (miss < SETTLED_PX)
+        return xy.reshape(at.shape), valid.reshape(at.shape[:-1])
 
     def resized(self, height: int, width: int) -> "Camera":
         """The same camera after its image is resized: scale by the true ratio of sizes, centres at c → s(c + ½) − ½."""
@@ -122,7 +125,8 @@ class Camera:
 
     def _turning_point(self) -> float:
         """The straight radius (fisheye: angle) where the bent radius stops growing; infinite if it never does."""
-        slope = np.trim_zeros(_slope(self._radial()), "b")
+        slope = _slope(self._radial())
+        slope = np.trim_zeros(np.where(np.abs(slope) > NEGLIGIBLE, slope, 0), "b")
         roots = np.asarray(np.roots(slope[::-1]), np.complex128)
         turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
         first = math.sqrt(float(turns.min())) if len(turns) else math.inf
@@ -148,7 +152,7 @@ class Camera:
         end = self._turning_point()
         if not math.isfinite(end):  # a rising polynomial without end: go as far as the widest pixel needs
             end, widest = 1.0, float(bent_radius.max(initial=0))
-            while end * float(_series(radial, np.array(end**2))) < widest:
+            while end * float(_series(radial, np.array([end**2]))[0]) < widest:
                 end *= 2
         steps = np.linspace(0, end, 4096)
         radius = np.asarray(np.interp(bent_radius, steps * _series(radial, steps**2), steps), np.float64)
