@@ -39,3 +39,9 @@ def test_small_sensors_are_enlarged_by_whole_or_half_steps():
 def test_overlap_counts_shared_pixels():
     assert Box(0, 0, 4, 4).overlap(Box(2, 3, 4, 4)) == 2
     assert Box(0, 0, 4, 4).overlap(Box(4, 0, 4, 4)) == 0
+
+
+def test_distance_is_the_way_between_boxes():
+    assert Box(0, 0, 4, 4).distance(Box(6, 7, 4, 4)) == 5
+    assert Box(6, 7, 4, 4).distance(Box(0, 0, 4, 4)) == 5
+    assert Box(0, 0, 4, 4).distance(Box(3, 4, 4, 4)) == 0

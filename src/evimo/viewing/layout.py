@@ -34,6 +34,11 @@ class Box(NamedTuple):
         """The part of the image inside the box, as a view."""
         return image[self.y : self.bottom, self.x : self.right]
 
+    def distance(self, other: "Box") -> int:
+        """Columns and rows between two boxes, 0 where they touch."""
+        across = max(other.x - self.right, self.x - other.right, 0)
+        return across + max(other.y - self.bottom, self.y - other.bottom, 0)
+
     def overlap(self, other: "Box") -> int:
         """Pixels that two boxes share."""
         width = min(self.right, other.right) - max(self.x, other.x)

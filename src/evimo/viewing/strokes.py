@@ -15,6 +15,9 @@ Align = Literal["left", "centre", "right"]
 TITLE, PLAIN, SMALL = 0.55, 0.48, 0.43
 """Sizes of letters, as OpenCV counts them; a capital is about 21 times as many px high."""
 
+_PER_PX_AWAY = 6
+"""Covered pixels that weigh as much as one pixel between a label and what it belongs to."""
+
 _CAPITAL = 21
 _SHIFT = 4
 """Fractional bits of OpenCV's sub-pixel coordinates."""
@@ -89,7 +92,7 @@ def free_place(size: tuple[int, int], *, around: Box, inside: tuple[int, int], t
         size: (height, width) of the label.
         around: what it belongs to.
         inside: (height, width) of the image; the label does not leave it.
-        taken: what it should not cover; the place that covers least is chosen.
+        taken: what it should not cover. Without a free place nearby, the one that covers least and is nearest.
     """
     height, width = size
     above, below = around.y - height - 2, around.bottom + 2
@@ -103,13 +106,11 @@ def free_place(size: tuple[int, int], *, around: Box, inside: tuple[int, int], t
         Box(min(max(x, 0), max(inside[1] - width, 0)), min(max(y, 0), max(inside[0] - height, 0)), width, height)
         for x, y in places
     ]
-    covered: dict[int, Box] = {}
-    for box in boxes:
-        cost = sum(box.overlap(other) for other in taken)
-        if cost == 0:
-            return box
-        covered.setdefault(cost, box)
-    return covered[min(covered)]
+    covered = [sum(box.overlap(other) for other in taken) for box in boxes]
+    if 0 in covered[:5]:
+        return boxes[covered.index(0)]
+    costs = [pixels + _PER_PX_AWAY * box.distance(around) for pixels, box in zip(covered, boxes, strict=True)]
+    return boxes[costs.index(min(costs))]
 
 
 def _font(bold: bool) -> int:
