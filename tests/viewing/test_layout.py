@@ -1,7 +1,7 @@
 from itertools import combinations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evimo.viewing.layout import Box, layout_of
@@ -9,6 +9,7 @@ from evimo.viewing.layout import Box, layout_of
 SENSORS = [(260, 346), (180, 190), (180, 240), (480, 640), (720, 1280), (128, 128), (346, 260)]
 
 
+@settings(deadline=None)
 @given(size=st.tuples(st.integers(60, 1500), st.integers(60, 1500)))
 def test_every_frame_is_even_and_fits_a_screen(size):
     height, width = layout_of(size).frame
