@@ -23,7 +23,7 @@ LENSES: dict[str, Lens] = {
     "equi": "fisheye",
     "fisheye": "fisheye",
 }
-NO_LENS = ("none", "", "null")
+NO_LENS = ("none", "", None)
 FORMATS = "a kalibr or ROS camera YAML, an EV-IMO calib.txt (fx fy cx cy k1 k2 p1 p2) or a DV calibration XML"
 Size = tuple[int, int]
 
@@ -81,14 +81,14 @@ def _picked(path: Path, found: Mapping[str, Camera], size: Size | None) -> Camer
     return camera
 
 
-def _camera(path: Path, matrix: Sequence[float], size: Size, *, distortion: Sequence[float], lens: str) -> Camera:
+def _camera(path: Path, matrix: Sequence[float], size: Size, *, distortion: Sequence[float], lens: Any) -> Camera:
     """A camera from (fx, fy, cx, cy) and a lens by any of its names; a file's error where the values are impossible."""
-    if lens not in LENSES and lens not in NO_LENS:
-        raise BadFile(f"{path}: unknown lens model {lens!r}", fix=f"one of {', '.join(LENSES)}, none")
+    if not isinstance(lens, str | None) or (lens not in LENSES and lens not in NO_LENS):
+        raise BadFile(f"{path}: unknown lens model {_shown(lens)}", fix=f"one of {', '.join(LENSES)}, none")
     if len(matrix) != 4:
         raise BadFile(f"{path}: {len(matrix)} intrinsics instead of fx fy cx cy", fix="calibrate as a pinhole camera")
     fx, fy, cx, cy = matrix
-    kind = LENSES.get(lens, "radtan")
+    kind = LENSES.get(lens or "", "radtan")
     coefficients = tuple(distortion) if lens in LENSES else ()
     try:
         return Camera(fx, fy, cx, cy, *size, coefficients, kind)
@@ -123,12 +123,12 @@ def _from_yaml(path: Path, text: str) -> dict[str, Camera]:
 def _from_kalibr(path: Path, branch: Mapping[str, Any]) -> Camera:
     if branch.get("camera_model", "pinhole") != "pinhole":
         raise BadFile(
-            f"{path}: camera model {branch['camera_model']!r}",
+            f"{path}: camera model {_shown(branch['camera_model'])}",
             fix="calibrate with kalibr's pinhole-radtan or pinhole-equi",
         )
     width, height = _sizes(path, branch.get("resolution"))
     distortion = _numbers(path, branch.get("distortion_coeffs", []))
-    lens = str(branch.get("distortion_model", "radtan" if distortion else "none"))
+    lens = branch.get("distortion_model", "radtan" if distortion else "none")
     matrix = _numbers(path, branch["intrinsics"])
     return _camera(path, matrix, (height, width), distortion=distortion, lens=lens)
 
@@ -137,7 +137,7 @@ def _from_ros(path: Path, branch: Mapping[str, Any]) -> Camera:
     width, height = _sizes(path, [branch.get("image_width"), branch.get("image_height")])
     matrix = _pinhole(path, _numbers(path, _values(branch["camera_matrix"])))
     distortion = _numbers(path, _values(branch.get("distortion_coefficients", [])))
-    lens = str(branch.get("distortion_model", "radtan" if distortion else "none"))
+    lens = branch.get("distortion_model", "radtan" if distortion else "none")
     return _camera(path, matrix, (height, width), distortion=distortion, lens=lens)
 
 
@@ -193,7 +193,14 @@ def _from_xml(path: Path, text: str) -> dict[str, Camera]:
     return found
 
 
-# Numbers from strangers. reprlib, because a short YAML file can nest aliases into a value with a huge text.
+# Values from strangers
+
+
+def _shown(value: Any) -> str:
+    """The start of a value as text. Not repr: a short YAML file can nest aliases into a value whose text is endless."""
+    brief = reprlib.Repr()
+    brief.maxlevel = 2
+    return brief.repr(value)
 
 
 def _is_number(value: Any) -> bool:
@@ -207,7 +214,7 @@ def _numbers(path: Path, values: Any) -> list[float]:
     """A flat list of finite numbers."""
     listed: list[Any] = cast("list[Any]", values) if isinstance(values, list) else [None]
     if not all(map(_is_number, listed)):
-        raise BadFile(f"{path}: not a list of finite numbers: {reprlib.repr(values)}", fix=f"give {FORMATS}")
+        raise BadFile(f"{path}: not a list of finite numbers: {_shown(values)}", fix=f"give {FORMATS}")
     return [float(value) for value in listed]
 
 
@@ -218,12 +225,12 @@ def _sizes(path: Path, values: Any) -> tuple[int, int]:
         int(float(value)) for value in listed if _is_number(value) and 1 <= float(value) == int(float(value)) < 100_000
     ]
     if len(whole) != 2 or len(listed) != 2:
-        raise BadFile(f"{path}: no sensor size, or not a possible one: {reprlib.repr(values)}", fix="complete the file")
+        raise BadFile(f"{path}: no sensor size, or not a possible one: {_shown(values)}", fix="complete the file")
     return whole[0], whole[1]
 
 
 def _pinhole(path: Path, matrix: Sequence[float]) -> list[float]:
     """(fx, fy, cx, cy) of a 3x3 matrix given row by row."""
     if len(matrix) != 9 or tuple(matrix[6:]) != (0, 0, 1) or matrix[1] or matrix[3]:
-        raise BadFile(f"{path}: not a camera matrix: {reprlib.repr(matrix)}", fix="fx 0 cx 0 fy cy 0 0 1, row by row")
+        raise BadFile(f"{path}: not a camera matrix: {_shown(matrix)}", fix="fx 0 cx 0 fy cy 0 0 1, row by row")
     return [matrix[0], matrix[4], matrix[2], matrix[5]]

@@ -129,13 +129,14 @@ def rectified(camera: Camera, *, max_size: tuple[int, int] = MAX_SIZE) -> Rectif
         frame = Camera(scale * min(camera.fx, camera.fy), scale * min(camera.fx, camera.fy), cx, cy, height, width)
         image = _zoomed_out(frame, xy[has_direction])
         at = np.clip(image.project(xy), -FAR_PX, FAR_PX)
+    at = at.astype(np.float32)  # before asking what is inside: rounding must not carry a position across the border
     valid = has_direction & _inside(at, image.size)
     source, image_valid = _counterparts(camera, image, has_direction)
     return Rectification(
         camera=camera,
         image=image,
-        x=np.ascontiguousarray(at[..., 0], np.float32),
-        y=np.ascontiguousarray(at[..., 1], np.float32),
+        x=np.ascontiguousarray(at[..., 0]),
+        y=np.ascontiguousarray(at[..., 1]),
         valid=valid,
         image_valid=image_valid,
         source=source,
@@ -144,7 +145,7 @@ def rectified(camera: Camera, *, max_size: tuple[int, int] = MAX_SIZE) -> Rectif
     )
 
 
-def _inside(at: F8, size: tuple[int, int]) -> Mask:
+def _inside(at: F4 | F8, size: tuple[int, int]) -> Mask:
     """Where positions (..., 2) lie within the pixels of an image (height, width)."""
     x, y = at[..., 0], at[..., 1]
     return (x >= -0.5) & (x < size[1] - 0.5) & (y >= -0.5) & (y < size[0] - 0.5)
@@ -165,9 +166,7 @@ def _zoomed_out(frame: Camera, xy: F8) -> Camera:
     x, y = xy[:, 0], xy[:, 1]
     tightest = np.maximum.reduce((x / reach_right, -x / reach_left, y / reach_down, -y / reach_up))
     kept = int(np.ceil(COVERED * len(xy))) - 1
-    needed = float(np.partition(tightest, kept)[kept]) * (
-        1 + 1e-9
-    )  # so that the last one kept is inside, not on, the border
+    needed = float(np.partition(tightest, kept)[kept]) * (1 + 1e-6)  # the last one kept: inside, not on the border
     focal_px = frame.fx if needed * frame.fx <= 1 else 1 / needed
     return Camera(focal_px, focal_px, frame.cx, frame.cy, frame.height, frame.width)
 
