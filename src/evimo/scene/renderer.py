@@ -1,15 +1,19 @@
 """A scene seen by a camera: intensity frames, and the exact truth."""
 
+import math
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from evimo.geometry.camera import Camera
 from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.scene.bodies import PackedScene, Scene
 from evimo.recordings.flow import point_flow
-from evimo.scene.kernels import cast, render
+from evimo.scene.film import TILE, render, tile_cones
+from evimo.scene.kernels import cast
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -19,17 +23,20 @@ WITHIN_PIXEL = ((0.125, 0.375), (-0.375, 0.125), (0.375, -0.125), (-0.125, -0.37
 COARSE = 4  # every COARSE-th pixel each way, for a quick look
 
 
-class Frames:
+class Frames(NamedTuple):
     """Rendered frames.
 
     image: (F, H, W) linear irradiance, white is 1. depth: (F, H, W) z in m.
-    parts: (F, H, W) int32 index of the part seen, negative where nothing.
+    tags:  (F, H, W) int16, 8 * part + face seen by the pixel's centre, negative where nothing.
     """
 
-    __slots__ = ("depth", "image", "parts")
+    image: F4
+    depth: F4
+    tags: NDArray[np.int16]
 
-    def __init__(self, image: F4, depth: F4, parts: NDArray[np.int32]) -> None:
-        self.image, self.depth, self.parts = image, depth, parts
+    def seen(self, frame: int) -> tuple[F4, NDArray[np.int16]]:
+        """Depth and part (H, W) of one frame."""
+        return self.depth[frame], self.tags[frame] >> 3
 
 
 class Renderer:
@@ -39,23 +46,48 @@ class Renderer:
         self.scene, self.camera = scene, camera
         self.packed = PackedScene(scene)
         self.rays, self.valid = lens_rays(camera)
+        self.cones = np.empty((math.ceil(camera.height / TILE), math.ceil(camera.width / TILE), 5), np.float32)
+        tile_cones(self.rays, self.cones)
 
     def frames(self, time_s: F8) -> Frames:
         """Intensity, depth and parts at times (F,)."""
-        image, depth, tags = render(
-            self.rays,
-            self.packed.placed(time_s),
-            self.packed.parts,
-            self.scene.bank,
-            np.float32(self.scene.ambient),
-            np.float32(1 / self.camera.fx),
+        frames = self._empty(len(time_s))
+        self._render(time_s, np.ones(self.cones.shape[:2], np.int32), 0, frames)
+        return frames
+
+    def film(self, time_s: F8, strides: NDArray[np.int32], last: Frames) -> Frames:
+        """Frames at times (F,), going on from the last frame of `last`, which is at time_s[0].
+
+        strides: (R, C), each tile is cast in every so many frames and interpolated between; F - 1 is a multiple. Depth
+        is known in frames that are multiples of every stride.
+        """
+        frames = self._empty(len(time_s))
+        for new, old in zip(frames, last, strict=True):
+            new[0] = old[-1]
+        self._render(time_s, strides, 1, frames)
+        return frames
+
+    def _empty(self, count: int) -> Frames:
+        shape = (count, *self.camera.size)
+        return Frames(np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.int16))
+
+    def _render(self, time_s: F8, strides: NDArray[np.int32], first: int, out: Frames) -> None:
+        light = np.array((self.scene.ambient, 1 / self.camera.fx), np.float32)
+        packed = self.packed
+        render(
+            self.cones, self.rays, packed.placed(time_s), packed.parts, self.scene.bank, light, strides, first, *out
         )
-        return Frames(image, depth, tags.astype(np.int32) >> 3)
 
     @cached_property
     def coarse_rays(self) -> F4:
-        """Rays (N, 2) of a coarse grid of pixels."""
-        return np.ascontiguousarray(self.rays[0, COARSE // 2 :: COARSE, COARSE // 2 :: COARSE].reshape(-1, 2))
+        """Rays (2, N) of a coarse grid of pixels."""
+        return np.ascontiguousarray(self.rays[0, :, COARSE // 2 :: COARSE, COARSE // 2 :: COARSE].reshape(2, -1))
+
+    @property
+    def coarse_size(self) -> tuple[int, int]:
+        """Rows and columns of that grid."""
+        height, width = self.camera.size
+        return len(range(COARSE // 2, height, COARSE)), len(range(COARSE // 2, width, COARSE))
 
     def glance(self, time_s: F8) -> tuple[F4, NDArray[np.int32]]:
         """Depth (F, N) and part (F, N) of the coarse rays at times (F,)."""
@@ -67,14 +99,22 @@ class Renderer:
         depth, parts = self.glance(at)
         ids = np.where(parts[0] >= 0, self.packed.ids[np.maximum(parts[0], 0)], 0).astype(np.uint8)
         ego, objects = self.motions(at)
-        return point_flow(self.coarse_rays.T.astype(np.float64), depth[0], ids, (ego[0], objects[0]))
+        return point_flow(self.coarse_rays.astype(np.float64), depth[0], ids, (ego[0], objects[0]))
 
-    def truth(self, t_us: int, frame: tuple[F4, NDArray[np.int32]] | None = None) -> Truth:
+    def by_tile(self, values: F8) -> F8:
+        """The largest value (N,) of the coarse rays in each tile or the tiles around it, (R, C)."""
+        each = TILE // COARSE
+        grid = values.reshape(self.coarse_size)
+        rows, columns = self.cones.shape[:2]
+        short = ((0, rows * each - grid.shape[0]), (0, columns * each - grid.shape[1]))
+        tiles = np.pad(grid, short, mode="edge").reshape(rows, each, columns, each).max(axis=(1, 3))
+        return maximum_filter(tiles, 3, mode="nearest")
+
+    def truth(self, t_us: int, frame: tuple[F4, NDArray[np.int16]] | None = None) -> Truth:
         """Everything about the instant t_us; `frame` gives depth and parts (H, W) where they are already rendered."""
         time_s = np.array([t_us * 1e-6])
         if frame is None:
-            frames = self.frames(time_s)
-            frame = frames.depth[0], frames.parts[0]
+            frame = self.frames(time_s).seen(0)
         depth, parts = frame
         seen = self.valid & (parts >= 0)
         index = np.maximum(parts, 0)
@@ -102,9 +142,9 @@ class Renderer:
 
 
 def lens_rays(camera: Camera) -> tuple[F4, NDArray[np.bool_]]:
-    """Rays (5, H, W, 2) on Z = 1 of every pixel's centre and of four points within it, and where the lens is defined."""
+    """Rays (5, 2, H, W) on Z = 1 of every pixel's centre and of four points within it, and where the lens is defined."""
     centre = camera.pixels()
     offsets = np.array(((0.0, 0.0), *WITHIN_PIXEL))
     straight, known = camera.normalised(centre[None] + offsets[:, None, None])
     straight = np.where(known[..., None], straight, 0)
-    return np.ascontiguousarray(straight, np.float32), known.all(axis=0)
+    return np.ascontiguousarray(np.moveaxis(straight, -1, 1), np.float32), known.all(axis=0)

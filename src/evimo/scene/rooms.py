@@ -137,7 +137,7 @@ def net_in_front(room: Room, camera: F8, axes: F8) -> None:
     """A net or a fence of bars between the camera and the scene; `axes` are the camera's as columns."""
     rng = room.rng
     distance, half = rng.uniform(0.3, 0.6), np.array([rng.uniform(0.25, 0.8), rng.uniform(0.25, 0.8), 0.01])
-    pitch, bar = rng.uniform(0.02, 0.1), rng.uniform(0.002, 0.01)
+    pitch, bar = rng.uniform(0.025, 0.12), rng.uniform(0.003, 0.012)
     bars = (0.0 if rng.random() < 0.15 else bar / pitch, 0.0 if rng.random() < 0.15 else bar / pitch)
     tilted = axes @ turned(rng.normal() * 0.3)
     at = camera + distance * axes[:, 2] + axes[:, :2] @ rng.normal(0, 0.08, 2)

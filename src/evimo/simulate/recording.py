@@ -136,27 +136,33 @@ class _Film:
 
     def __init__(self, renderer: Renderer, settings: SensorSettings, rng: np.random.Generator) -> None:
         self.renderer, self.settings = renderer, settings
-        self.last = blurred(renderer.frames(np.array([-WARM_UP_S])).image, settings.blur_px)
-        self.pixels = Pixels(settings, rng, first=self.last[0], start_s=-WARM_UP_S)
+        self.last = renderer.frames(np.array([-WARM_UP_S]))
+        self.blurred = blurred(self.last.image, settings.blur_px)
+        self.pixels = Pixels(settings, rng, first=self.blurred[0], start_s=-WARM_UP_S)
 
     def run(self, start_s: float, stop_s: float) -> SimulatedSlice:
         """Events of [start_s, stop_s) up to jitter, and the truth in the middle."""
         middle_s = 0.5 * (start_s + stop_s)
-        halves = math.ceil((stop_s - start_s) / self._step(middle_s) / 2)
-        time_s = np.linspace(start_s, stop_s, 2 * halves + 1)
-        frames = self.renderer.frames(time_s[1:])
-        image = np.concatenate((self.last, blurred(frames.image, self.settings.blur_px)))
-        self.last = image[-1:]
+        quarters, strides = self._steps(middle_s, stop_s - start_s)
+        time_s = np.linspace(start_s, stop_s, 4 * quarters + 1)
+        self.last = self.renderer.film(time_s, strides, self.last)
+        image = np.concatenate((self.blurred, blurred(self.last.image[1:], self.settings.blur_px)))
+        self.blurred = image[-1:]
         events = self.pixels.events(image, time_s)
-        seen = frames.depth[halves - 1], frames.parts[halves - 1]
+        seen = self.last.seen(2 * quarters)
         clutter = np.where(seen[1] >= 0, self.renderer.packed.clutter[np.maximum(seen[1], 0)], 0)
         return SimulatedSlice(events, self.renderer.truth(round(middle_s * 1e6), seen), clutter.astype(np.uint8))
 
-    def _step(self, time_s: float) -> float:
-        """Time between frames for the image motion at this time."""
-        flow = self.renderer.glance_flow(time_s) * self.renderer.camera.fx
-        fast = np.percentile(np.linalg.norm(flow, axis=0), 99)
-        return float(np.clip(STEP_PX / max(fast, 1e-3), SHORTEST_S, LONGEST_S))
+    def _steps(self, time_s: float, seconds: float) -> tuple[int, NDArray[np.int32]]:
+        """A quarter of the number of steps, for the image motion at this time; and each tile's stride, 1, 2 or more."""
+        speed = np.linalg.norm(self.renderer.glance_flow(time_s), axis=0) * self.renderer.camera.fx
+        wanted = np.clip(STEP_PX / np.maximum(speed, 1e-3), SHORTEST_S, LONGEST_S)
+        quarters = math.ceil(seconds / float(np.percentile(wanted, 1)) / 4)
+        fastest = self.renderer.by_tile(speed)
+        possible = np.array([n for n in (1, 2, 4, 8, 16) if 2 * quarters % n == 0])
+        step_s = seconds / (4 * quarters)
+        enough = np.clip(STEP_PX / np.maximum(fastest, 1e-3), 0, LONGEST_S) / step_s
+        return quarters, possible[np.searchsorted(possible, enough, "right").clip(1) - 1].astype(np.int32)
 
 
 def _in_order(events: Events) -> Events:

@@ -1,0 +1,218 @@
+# pyright: basic
+"""Frames of a moving scene, compiled: tiles that see little motion are cast less often and interpolated in time."""
+
+import math
+
+import numba
+import numpy as np
+
+from evimo.scene.kernels import jit, trace
+from evimo.scene.shading import shade
+
+f32 = np.float32
+i32 = np.int32
+TILE = 8
+NOTHING = -8  # tag of a ray that meets nothing; others are part * 8 + face
+_0, _1 = f32(0), f32(1)
+_SKY = f32(0.3)
+_SLACK = f32(0.006)  # rad, added around a tile: rays within its border pixels
+
+_parallel = numba.njit(fastmath=True, nogil=True, error_model="numpy", cache=True, parallel=True)
+
+
+@jit
+def tile_cones(rays, cones):
+    """Axis (unit, 3), cosine and sine of the half opening of the cone around each tile: `cones` (R, C, 5) is written."""
+    height, width = rays.shape[2], rays.shape[3]
+    for row in range(cones.shape[0]):
+        for column in range(cones.shape[1]):
+            y0, x0 = row * TILE, column * TILE
+            y1, x1 = min(height, y0 + TILE) - 1, min(width, x0 + TILE) - 1
+            cx, cy = rays[0, 0, (y0 + y1) // 2, (x0 + x1) // 2], rays[0, 1, (y0 + y1) // 2, (x0 + x1) // 2]
+            norm, least = _1 / math.sqrt(cx * cx + cy * cy + _1), _1
+            for y in range(y0, y1 + 1):
+                for x in range(x0, x1 + 1):
+                    dx, dy = rays[0, 0, y, x], rays[0, 1, y, x]
+                    least = min(least, (dx * cx + dy * cy + _1) * norm / math.sqrt(dx * dx + dy * dy + _1))
+            opening = math.acos(min(_1, least)) + _SLACK
+            cone = cones[row, column]
+            cone[0], cone[1], cone[2] = cx * norm, cy * norm, norm
+            cone[3], cone[4] = math.cos(opening), math.sin(opening)
+
+
+@jit
+def _spheres(centre, parts, pixel, spheres):
+    """What tiles ask of each part's bounding sphere, (P, 6).
+
+    Unit direction (3), cosine and sine of the angular radius (sine 2: it is everywhere), and 1 for a net with bars so
+    thin that the rays through the pixels' centres could miss them.
+    """
+    for i in range(len(parts.shape)):
+        x, y, z, radius = centre[i, 0], centre[i, 1], centre[i, 2], parts.radius[i]
+        distance = math.sqrt(x * x + y * y + z * z)
+        spheres[i, 4] = f32(2)
+        if parts.shape[i] == 3:
+            half, bars = parts.half[i], parts.openings[i]
+            wide, high = half[0] / bars[0] * bars[2], half[1] / bars[1] * bars[3]
+            thinnest = max(wide, high) if wide == _0 or high == _0 else min(wide, high)
+            spheres[i, 5] = thinnest < f32(1.5) * pixel * distance
+        if parts.inside[i] == 0 and distance > radius * f32(1.02):
+            spheres[i, 0], spheres[i, 1], spheres[i, 2] = x / distance, y / distance, z / distance
+            spheres[i, 4] = radius / distance
+            spheres[i, 3] = math.sqrt(_1 - spheres[i, 4] * spheres[i, 4])
+
+
+@jit
+def _listing(cone, spheres, listed):
+    """Parts whose sphere meets the cone; returns their number, and whether one of them is a fine net."""
+    count, netted = 0, False
+    for i in range(len(spheres)):
+        cosine = cone[0] * spheres[i, 0] + cone[1] * spheres[i, 1] + cone[2] * spheres[i, 2]
+        both = cone[3] * spheres[i, 3] - cone[4] * spheres[i, 4]  # cosine of the sum of both angles
+        if spheres[i, 4] > _1 or cosine >= both:
+            listed[count] = i
+            count += 1
+            netted = netted or spheres[i, 5] > _0
+    return count, netted
+
+
+@jit
+def _tile(f, box, scene, lists, out, scratch):
+    """Cast the centre rays of one tile at frame f."""
+    rays, placed, parts, bank, ambient, pixel = scene
+    image, depth, tags = out
+    y0, y1, x0, x1 = box
+    local, far, found = scratch
+    number = 0
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            local[0, number], local[1, number] = rays[0, 0, y, x], rays[0, 1, y, x]
+            number += 1
+    frame = placed.to_part[f], placed.origin[f]
+    trace(local, number, frame, parts, lists[0], lists[1], far, found)
+    lit = placed.to_part[f], placed.origin[f], placed.light[f]
+    k = 0
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            light, tag = _SKY, i32(NOTHING)
+            if found[k] >= 0:
+                light, tag = shade(local[0, k], local[1, k], far[k], found[k], lit, parts, bank, ambient, pixel)
+            image[f, y, x], depth[f, y, x], tags[f, y, x] = light, far[k], tag
+            k += 1
+
+
+@jit
+def _smooth_edges(f, box, scene, lists, out, scratch):
+    """Cast more rays in those pixels of a tile that see another face than a neighbour, or a net."""
+    rays, placed, parts, bank, ambient, pixel = scene
+    image, _, tags = out
+    y0, y1, x0, x1 = box
+    local, far, found = scratch
+    height, width, samples = image.shape[1], image.shape[2], rays.shape[0] - 1
+    number = 0
+    places = np.empty(TILE * TILE, np.int32)
+    for y in range(y0, y1):
+        up, down = max(y - 1, 0), min(y + 1, height - 1)
+        for x in range(x0, x1):
+            tag, left, right = tags[f, y, x], max(x - 1, 0), min(x + 1, width - 1)
+            edge = tags[f, y, left] != tag or tags[f, y, right] != tag
+            if lists[2] or edge or tags[f, up, x] != tag or tags[f, down, x] != tag:
+                places[number // samples] = y * width + x
+                for s in range(samples):
+                    local[0, number], local[1, number] = rays[s + 1, 0, y, x], rays[s + 1, 1, y, x]
+                    number += 1
+    if number == 0:
+        return
+    frame = placed.to_part[f], placed.origin[f]
+    trace(local, number, frame, parts, lists[0], lists[1], far, found)
+    lit = placed.to_part[f], placed.origin[f], placed.light[f]
+    for place in range(number // samples):
+        total = _0
+        for k in range(place * samples, (place + 1) * samples):
+            if found[k] >= 0:
+                total += shade(local[0, k], local[1, k], far[k], found[k], lit, parts, bank, ambient, pixel)[0]
+            else:
+                total += _SKY
+        image[f, places[place] // width, places[place] % width] = total / f32(samples)
+
+
+@jit
+def _interpolate(image, box, stride):
+    """Fill the frames between those that were cast."""
+    y0, y1, x0, x1 = box
+    for f in range(1, image.shape[0]):
+        if f % stride:
+            before = f // stride * stride
+            share = f32(f - before) / f32(stride)
+            for y in range(y0, y1):
+                for x in range(x0, x1):
+                    first, last = image[before, y, x], image[before + stride, y, x]
+                    image[f, y, x] = first + (last - first) * share
+
+
+@jit
+def _box(row, column, out):
+    height, width = out[0].shape[1:]
+    return row * TILE, min(height, row * TILE + TILE), column * TILE, min(width, column * TILE + TILE)
+
+
+@jit
+def _scratch(scene):
+    most = TILE * TILE * max(1, scene[0].shape[0] - 1)
+    return np.empty((2, most), np.float32), np.empty(most, np.float32), np.empty(most, np.int32)
+
+
+@jit
+def _cast_row(row, first, cones, strides, scene, spheres, lists, out):
+    scratch, tags = _scratch(scene), out[2]
+    for column in range(cones.shape[1]):
+        y0, y1, x0, x1 = box = _box(row, column, out)
+        for f in range(first, len(spheres)):
+            if f % strides[row, column]:
+                tags[f, y0:y1, x0:x1] = tags[f - 1, y0:y1, x0:x1]
+                continue
+            found = lists[0][row, column, f]
+            count, net = _listing(cones[row, column], spheres[f], found)
+            lists[1][row, column, f], lists[2][row, column, f] = count, net
+            _tile(f, box, scene, (found, count, net), out, scratch)
+
+
+@jit
+def _smooth_row(row, first, strides, scene, lists, out):
+    scratch = _scratch(scene)
+    for column in range(strides.shape[1]):
+        box, stride = _box(row, column, out), strides[row, column]
+        for f in range(first, len(out[0])):
+            if f % stride == 0:
+                mine = lists[0][row, column, f], lists[1][row, column, f], lists[2][row, column, f]
+                _smooth_edges(f, box, scene, mine, out, scratch)
+        if stride > 1:
+            _interpolate(out[0], box, stride)
+
+
+@_parallel
+def render(cones, rays, placed, parts, bank, light, strides, first, image, depth, tags):
+    """Frames through a lens.
+
+    Args:
+        cones: of `tile_cones`.
+        rays: (1 + S, 2, H, W), the ray of each pixel's centre on Z = 1, then S rays within it, cast only at edges.
+        placed, parts, bank: the scene at F times, `bodies.Placed`, `bodies.Parts`, `textures.TextureBank`.
+        light: (2,) share of light without direction; size of a pixel on Z = 1.
+        strides: (R, C) per tile: it is cast in every so many frames; F - 1 is a multiple of each.
+        first: the first frame to cast; those before are given.
+        image, depth, tags: written. Irradiance (F, H, W), depth (F, H, W), tags (F, H, W) int16: part * 8 + face of
+            the centre ray. Depth is written only where a tile is cast.
+    """
+    frames, (rows, columns) = len(image), strides.shape
+    listed = np.empty((rows, columns, frames, len(parts.shape)), np.uint8)
+    counts, nets = np.zeros((rows, columns, frames), np.int32), np.zeros((rows, columns, frames), np.bool_)
+    spheres = np.zeros((frames, len(parts.shape), 6), np.float32)
+    for f in range(frames):
+        _spheres(placed.centre[f], parts, light[1], spheres[f])
+    for row in numba.prange(rows):  # parallel loops take neither nested tuples nor writes to a tuple's arrays
+        scene, lists = (rays, placed, parts, bank, light[0], light[1]), (listed, counts, nets)
+        _cast_row(row, first, cones, strides, scene, spheres, lists, (image, depth, tags))
+    for row in numba.prange(rows):
+        scene, lists = (rays, placed, parts, bank, light[0], light[1]), (listed, counts, nets)
+        _smooth_row(row, first, strides, scene, lists, (image, depth, tags))
