@@ -2,9 +2,6 @@
 
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from evimo.events.io import CameraHint, EventFile, open_events
 from evimo.events.io.event_file import fault_parts
 from evimo.events.io.sensors import sensor_size
@@ -18,10 +15,8 @@ def info(file: Path, *, sensor: str | None = None) -> None:
         sensor: width x height in pixels, as in 346x260, where the file does not tell.
     """
     recording = open_events(file, sensor=sensor_size(sensor) if sensor else None)
-    table = Table(show_header=False, box=None, pad_edge=False)
     for name, value in facts(recording).items():
-        table.add_row(name, value)
-    Console(highlight=False, soft_wrap=True).print(table)
+        print(f"{name:<13}{value}")
 
 
 def facts(recording: EventFile) -> dict[str, str]:

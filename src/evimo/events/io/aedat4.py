@@ -1,101 +1,100 @@
-"""AEDAT 4 through dv-processing."""
+"""AEDAT 4 recordings.
 
+Read here and not through dv-processing, which waits for ever at a damaged packet and refuses files cut short.
+"""
+
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from evimo.errors import BadFile
+from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
+from evimo.events.io.aedat4_packets import Head, PacketTable, head, packet_events, packet_table, walked
 from evimo.events.io.event_file import EventFile
-from evimo.events.io.survey import no_events_in
+from evimo.events.io.survey import Survey, no_events_in, surveyed
 
-PACKET_EVENTS = 100_000  # aimed at by the length of the windows that are asked for
-LONGEST_WINDOW_US = 10_000_000
+STREAMS = {"FRME": "frames", "IMUS": "IMU", "TRIG": "triggers", "POSE": "poses", "BBOX": "boxes", "TKPS": "key points"}
 
 
 def open_aedat4(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
-    """Open an AEDAT 4 recording of one camera.
+    """Open an AEDAT 4 recording; of several streams of events the one with the most.
+
+    A file without its table of packets, because it was cut short, is used as far as it is readable, with a warning;
+    damaged packets are left out with one.
 
     Raises:
-        BadFile: cut short, damaged, or without events.
+        BadFile: without events, or nothing is readable.
     """
-    recording = _recording(path)
-    start_us, stop_us = _span(path, recording)
-    width, height = recording.getEventResolution()
+    top = head(path)
+    table = packet_table(path, top)
+    stream = _event_stream(path, top, table)
+    if table is None:
+        survey = surveyed(path, _events(path, top, (at for at, name in _walk(path, top) if name == stream)))
+        text = f"{path.name} is cut short: its first {survey.events:,} events are readable and used"
+        warnings.warn(text, EvimoWarning, stacklevel=3)
+    else:
+        survey = _indexed(path, table.of(stream))
 
-    def read(start: int) -> Iterator[Events]:
-        return _packets(_recording(path), max(start, start_us), stop_us)
+    def read(start_us: int) -> Iterator[Events]:
+        return (events for _, events in _events(path, top, iter(survey.places[survey.block(start_us) :])))
 
     return EventFile(
         path=path,
         format="AEDAT 4",
-        sensor=sensor or (height, width),
-        start_us=start_us,
-        stop_us=stop_us,
+        sensor=sensor or top.streams[stream].size,
+        start_us=survey.start_us,
+        stop_us=survey.stop_us,
         read=read,
-        contents=_contents(recording),
+        contents=_contents(top, table),
     )
 
 
-def _recording(path: Path) -> Any:
-    import dv_processing
+def _walk(path: Path, top: Head) -> Iterator[tuple[int, int]]:
+    return walked(path, top.first_packet, path.stat().st_size)
 
-    try:
-        recording = dv_processing.io.MonoCameraRecording(str(path))
-    except RuntimeError as error:
-        cause = str(error).split("Stacktrace")[0].strip().splitlines()[-1]
-        raise BadFile(f"{path.name} is no whole AEDAT 4 file: {cause}", fix="copy or record it again") from error
-    if not recording.isEventStreamAvailable():
+
+def _event_stream(path: Path, top: Head, table: PacketTable | None) -> int:
+    found = [name for name, stream in top.streams.items() if stream.kind == "EVTS"]
+    if not found:
+        kinds = ", ".join(stream.kind for stream in top.streams.values())
+        raise BadFile(f"{path.name} has no stream of events, only {kinds or 'nothing'}", fix="record events (EVTS)")
+    chosen = found[0] if table is None else max(found, key=lambda name: int(table.of(name).count.sum()))
+    if len(found) > 1:
+        text = f"{path.name} has {len(found)} streams of events: number {chosen} ({top.streams[chosen].camera}) is read"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
+    return chosen
+
+
+def _indexed(path: Path, table: PacketTable) -> Survey[int]:
+    """What a survey would find, from the table."""
+    if not len(table.offset):
         raise no_events_in(path)
-    return recording
+    reached = np.maximum.accumulate(table.stop_us)
+    before = np.concatenate(([np.iinfo(np.int64).min], reached[:-1]))
+    start, stop, count = int(table.start_us[0]), int(reached[-1]) + 1, int(table.count.sum())
+    return Survey(start, stop, count, (0, 0), table.offset.tolist(), before)
 
 
-def _span(path: Path, recording: Any) -> tuple[int, int]:
-    """Times of the first event and of the last + 1; the file's own range covers frames and IMU too."""
-    first = recording.getNextEventBatch()
-    if first is None:
-        raise no_events_in(path)
-    start = int(first.getLowestTime())
-    stop = int(recording.getTimeRange()[1]) + 1
-    window = 1_000_000
-    while (last := recording.getEventsTimeRange(max(stop - window, start), stop)) is None or last.isEmpty():
-        window *= 2
-    return start, int(last.getHighestTime()) + 1
+def _events(path: Path, top: Head, offsets: Iterator[int]) -> Iterator[tuple[int, Events]]:
+    damaged = 0
+    with path.open("rb") as file:
+        for offset in offsets:
+            try:
+                yield offset, packet_events(file, offset, top.compression)
+            except ValueError:
+                damaged += 1
+    if damaged:
+        text = f"{path.name}: {damaged:,} packets of events are damaged and left out"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
 
 
-def _packets(recording: Any, start: int, stop: int) -> Iterator[Events]:
-    """Windows of time that hold about PACKET_EVENTS events each."""
-    window = 10_000
-    while start < stop:
-        store = recording.getEventsTimeRange(start, start + window)
-        start += window
-        count = 0 if store is None else store.size()
-        if count:
-            yield _as_events(store.numpy())
-        if count < PACKET_EVENTS // 2:
-            window = min(window * 2, LONGEST_WINDOW_US)
-        elif count > PACKET_EVENTS * 2:
-            window = max(window // 2, 1000)
-
-
-def _as_events(stored: np.ndarray[Any, Any]) -> Events:
-    return Events(
-        stored["x"].astype(np.uint16),
-        stored["y"].astype(np.uint16),
-        stored["timestamp"].astype(np.int64),
-        (2 * stored["polarity"] - 1).astype(np.int8),
-    )
-
-
-def _contents(recording: Any) -> dict[str, str]:
-    contents: dict[str, str] = {"camera": recording.getCameraName()}
-    if recording.isFrameStreamAvailable() and recording.getNextFrame() is not None:
-        width, height = recording.getFrameResolution()
-        contents["frames"] = f"{width}x{height}"
-    if recording.isImuStreamAvailable() and recording.getNextImuBatch() is not None:
-        contents["IMU"] = "yes"
-    if recording.isTriggerStreamAvailable() and recording.getNextTriggerBatch() is not None:
-        contents["triggers"] = "yes"
+def _contents(top: Head, table: PacketTable | None) -> dict[str, str]:
+    contents = {"camera name": next(stream.camera for stream in top.streams.values() if stream.kind == "EVTS")}
+    for name, stream in top.streams.items():
+        count = int(table.of(name).count.sum()) if table else None
+        if stream.kind in STREAMS and count != 0:
+            size = f", {stream.size[1]}x{stream.size[0]}" if any(stream.size) else ""
+            contents[STREAMS[stream.kind]] = f"{'not counted' if count is None else f'{count:,}'}{size}"
     return contents

@@ -121,7 +121,7 @@ def _contents(bag: Bag) -> dict[str, str]:
     for name, connection in bag.connections.items():
         kind = connection.kind.rpartition("/")[2]
         words = next((words for words, kinds in CONTENTS.items() if kind in kinds), "other")
-        words = "events" if connection.kind in ARRAYS + PACKETS else words
+        words = "event topics" if connection.kind in ARRAYS + PACKETS else words
         contents.setdefault(words, []).append(f"{connection.topic} ({bag.count(name):,})")
     return {words: ", ".join(topics) for words, topics in contents.items()}
 

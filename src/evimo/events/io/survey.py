@@ -33,9 +33,13 @@ class Survey(Generic[Place]):
     places: list[Place]
     reached_us: NDArray[np.int64]
 
+    def block(self, start_us: int) -> int:
+        """The number of the last block before which no event is at or after start_us."""
+        return max(int(np.searchsorted(self.reached_us, start_us)) - 1, 0)
+
     def place(self, start_us: int) -> Place:
-        """The last block before which no event is at or after start_us."""
-        return self.places[max(int(np.searchsorted(self.reached_us, start_us)) - 1, 0)]
+        """Where that block begins."""
+        return self.places[self.block(start_us)]
 
 
 def surveyed(path: Path, blocks: Iterable[tuple[Place, Events]]) -> Survey[Place]:

@@ -1,0 +1,210 @@
+"""The parts of an AEDAT 4 file: head, packets, and the table of packets at its end.
+
+A line; a FlatBuffer head (compression, place of the table, XML of the streams); packets of (stream i4, size i4, a
+compressed FlatBuffer whose first field is a vector); the table, compressed likewise. FlatBuffers but the head begin
+with their own size.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+from xml.etree import ElementTree
+
+import lz4.frame
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile
+from evimo.events.events import Events
+
+EVENT = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("on", "u1"), ("", "V3")])
+FIRST_LINE_BYTES = 14
+
+
+class Stream(NamedTuple):
+    """One stream of a file: four letters for its type, (height, width) where it has one, the camera's name."""
+
+    kind: str
+    size: tuple[int, int]
+    camera: str
+
+
+class Head(NamedTuple):
+    """What the head tells."""
+
+    compression: int
+    table_at: int
+    streams: dict[int, Stream]
+    first_packet: int
+
+
+@dataclass(frozen=True, slots=True)
+class PacketTable:
+    """The table of packets as columns: byte offset, stream, elements, first and last time in µs."""
+
+    offset: NDArray[np.int64]
+    stream: NDArray[np.int64]
+    count: NDArray[np.int64]
+    start_us: NDArray[np.int64]
+    stop_us: NDArray[np.int64]
+
+    def of(self, stream: int) -> "PacketTable":
+        """The rows of one stream that hold anything."""
+        rows = (self.stream == stream) & (self.count > 0)
+        return PacketTable(
+            self.offset[rows], self.stream[rows], self.count[rows], self.start_us[rows], self.stop_us[rows]
+        )
+
+
+def head(path: Path) -> Head:
+    """Read the head.
+
+    Raises:
+        BadFile: it is cut short or damaged.
+    """
+    with path.open("rb") as file:
+        file.seek(FIRST_LINE_BYTES)
+        size = int.from_bytes(file.read(4), "little")
+        raw = file.read(size)
+    try:
+        if len(raw) < size:
+            raise ValueError
+        compression = _value(raw, 0, 0, "<i")
+        xml = _field(raw, 0, 2)
+        text = xml + struct.unpack_from("<I", raw, xml)[0]
+        length = struct.unpack_from("<I", raw, text)[0]
+        streams = _streams(raw[text + 4 : text + 4 + length].decode())
+        return Head(compression, _value(raw, 0, 1, "<q"), streams, FIRST_LINE_BYTES + 4 + size)
+    except (struct.error, ElementTree.ParseError, ValueError) as error:
+        raise BadFile(f"{path.name}: its head is cut short or damaged", fix="copy or record it again") from error
+
+
+def packet_table(path: Path, head: Head) -> PacketTable | None:
+    """The table at the end; None where the file was cut short or never finished."""
+    if not 0 < head.table_at < path.stat().st_size:
+        return None
+    with path.open("rb") as file:
+        file.seek(head.table_at)
+        raw = file.read()
+    try:
+        return _table(np.frombuffer(unpacked(raw, head.compression), np.uint8))
+    except (struct.error, IndexError, ValueError):
+        return None
+
+
+def walked(path: Path, first: int, last: int) -> Iterator[tuple[int, int]]:
+    """Byte offset and stream of each whole packet from byte `first` to byte `last`, from the sizes before them."""
+    with path.open("rb") as file:
+        at = first
+        while at + 8 <= last:
+            file.seek(at)
+            stream, size = struct.unpack("<ii", file.read(8))
+            if size < 0 or at + 8 + size > last:
+                return
+            yield at, stream
+            at += 8 + size
+
+
+def packet_events(file: IO[bytes], offset: int, compression: int) -> Events:
+    """The events of the packet at a byte offset.
+
+    Raises:
+        ValueError: the packet is damaged.
+    """
+    file.seek(offset)
+    try:
+        size = struct.unpack("<ii", file.read(8))[1]
+        raw = unpacked(file.read(max(size, 0)), compression)
+        vector, count = _vector(raw)
+        stored = np.frombuffer(raw, EVENT, count, vector)
+    except struct.error as error:
+        raise ValueError("not a packet of events") from error
+    p = np.where(stored["on"] > 0, 1, -1).astype(np.int8)
+    return Events(stored["x"].astype(np.uint16), stored["y"].astype(np.uint16), stored["t"].astype(np.int64), p)
+
+
+def unpacked(raw: bytes, compression: int) -> bytes:
+    """Bytes after decompression: 0 none, 1 and 2 LZ4, 3 and 4 zstd.
+
+    Raises:
+        ValueError: damaged, or of another compression.
+    """
+    try:
+        if compression in (1, 2):
+            return lz4.frame.decompress(raw)
+        if compression in (3, 4):
+            return _unzstd(raw)
+    except Exception as error:  # each library has its own
+        raise ValueError("damaged") from error
+    if compression:
+        raise ValueError(f"unknown compression {compression}")
+    return raw
+
+
+def _unzstd(raw: bytes) -> bytes:
+    try:
+        from compression import zstd  # type: ignore[import-not-found]  # Python 3.14
+    except ImportError:
+        from backports import zstd
+    return zstd.decompress(raw)
+
+
+def _streams(xml: str) -> dict[int, Stream]:
+    streams: dict[int, Stream] = {}
+    for node in ElementTree.fromstring(xml).findall("node[@name='outInfo']/node"):
+        kind = node.findtext("attr[@key='typeIdentifier']") or ""
+        width, height = (int(node.findtext(f"node/attr[@key='size{axis}']") or 0) for axis in "XY")
+        streams[int(node.attrib["name"])] = Stream(kind, (height, width), node.findtext("node/attr[@key='source']") or "")
+    return streams
+
+
+def _field(raw: bytes, root_at: int, number: int) -> int:
+    """Where a field of a FlatBuffer's root table lies; 0 if it is left out."""
+    root = root_at + struct.unpack_from("<I", raw, root_at)[0]
+    table = root - struct.unpack_from("<i", raw, root)[0]
+    if 4 + 2 * number >= struct.unpack_from("<H", raw, table)[0]:
+        return 0
+    offset = struct.unpack_from("<H", raw, table + 4 + 2 * number)[0]
+    return root + offset if offset else 0
+
+
+def _value(raw: bytes, root_at: int, number: int, kind: str) -> int:
+    """A number in a field of a FlatBuffer's root table; 0 if it is left out."""
+    at = _field(raw, root_at, number)
+    return struct.unpack_from(kind, raw, at)[0] if at else 0
+
+
+def _vector(raw: bytes) -> tuple[int, int]:
+    """Where the vector in the first field of a packet begins, and its length."""
+    field = _field(raw, 4, 0)
+    if not field:
+        return 0, 0
+    at = field + struct.unpack_from("<I", raw, field)[0]
+    return at + 4, struct.unpack_from("<I", raw, at)[0]
+
+
+def _table(raw: NDArray[np.uint8]) -> PacketTable:
+    """The rows of the table, each a FlatBuffer table of its own, read column by column."""
+    first, count = _vector(raw.tobytes())
+    place = first + 4 * np.arange(count)
+    row = place + _gathered(raw, place, "<u4")
+    layout = row - _gathered(raw, row, "<i4")
+    fields = (_gathered(raw, layout, "<u2") - 4) // 2
+
+    def column(number: int, kind: str) -> NDArray[np.int64]:
+        there = np.flatnonzero(fields > number)
+        offset = _gathered(raw, layout[there] + 4 + 2 * number, "<u2")
+        there, offset = there[offset > 0], offset[offset > 0]
+        values = np.zeros(count, np.int64)
+        values[there] = _gathered(raw, row[there] + offset, kind)
+        return values
+
+    return PacketTable(column(0, "<i8") - 8, column(1, "<i4"), column(2, "<i8"), column(3, "<i8"), column(4, "<i8"))
+
+
+def _gathered(raw: NDArray[np.uint8], at: NDArray[Any], kind: str) -> NDArray[np.int64]:
+    """Numbers at unaligned places."""
+    size = np.dtype(kind).itemsize
+    return raw[at[:, None] + np.arange(size)].view(kind)[:, 0].astype(np.int64)

@@ -1,0 +1,105 @@
+"""What every reader promises, on a reader made of arrays."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evimo.errors import BadFile, EvimoWarning
+from evimo.events.events import Events
+from evimo.events.io.event_file import EventFile, hint_from_matrix
+
+
+def packet(times, x=0, y=0):
+    n = len(times)
+    columns = np.broadcast_to(np.array(x, np.uint16), n), np.broadcast_to(np.array(y, np.uint16), n)
+    return Events(*columns, np.array(times, np.int64), np.ones(n, np.int8))
+
+
+def recording(*packets, start=0, stop=100):
+    return EventFile(
+        path=Path("made.up"), format="made up", sensor=(48, 64), start_us=start, stop_us=stop, read=lambda _: iter(packets)
+    )
+
+
+def test_iterating_gives_all_packets_and_leaves_empty_ones_out(rows):
+    made = recording(packet([1, 2]), packet([]), packet([5]))
+    assert [row[2] for row in rows(made)] == [1, 2, 5]
+    assert all(len(part) for part in made)
+
+
+def test_packets_are_cut_to_the_half_open_span(rows):
+    made = recording(packet([1, 2, 3]), packet([3, 4, 9]))
+    assert [row[2] for row in rows(made.packets(2, 4))] == [2, 3, 3]
+
+
+def test_reading_stops_with_the_span():
+    def endless():
+        for at in range(10**9):
+            yield packet([at])
+
+    made = EventFile(
+        path=Path("x"), format="x", sensor=(48, 64), start_us=0, stop_us=10**9, read=lambda _: endless()
+    )
+    assert len(list(made.packets(0, 5))) == 5
+
+
+def test_disorder_inside_a_packet_is_sorted_with_one_warning(rows):
+    made = recording(packet([1, 5, 3, 4, 6]))
+    with pytest.warns(EvimoWarning, match="2 events were out of order and sorted") as caught:
+        assert [row[2] for row in rows(made)] == [1, 3, 4, 5, 6]
+    assert len(caught) == 1 and made.faults.out_of_order == 2 and made.faults.dropped == 0
+
+
+def test_events_older_than_the_packet_before_are_dropped_with_one_warning(rows):
+    made = recording(packet([1, 5, 8]), packet([7, 8, 9]))
+    with pytest.warns(EvimoWarning, match="1 events older than the packet before them were dropped"):
+        assert [row[2] for row in rows(made)] == [1, 5, 8, 8, 9]
+    assert made.faults.late == 1
+
+
+def test_events_outside_the_sensor_are_dropped_with_one_warning(rows):
+    made = recording(packet([1, 2, 3, 4], x=[63, 64, 0, 0], y=[47, 0, 48, 0]))
+    with pytest.warns(EvimoWarning, match="2 events outside the 64x48 sensor were dropped"):
+        assert [row[2] for row in rows(made)] == [1, 4]
+    assert made.faults.outside == 2
+
+
+def test_all_faults_come_in_one_warning():
+    made = recording(packet([4, 2], x=[0, 0]), packet([3, 5], x=[0, 64]))
+    with pytest.warns(EvimoWarning) as caught:
+        list(made)
+    assert len(caught) == 1 and all(word in str(caught[0].message) for word in ("sorted", "older", "outside"))
+
+
+def test_a_recording_that_mostly_goes_back_in_time_is_refused():
+    with pytest.raises(BadFile, match="4 of 5 events are older"):
+        list(recording(packet([50]), packet([1, 2, 3, 4])))
+
+
+def test_faults_count_one_pass():
+    made = recording(packet([2, 1]))
+    for _ in range(2):
+        with pytest.warns(EvimoWarning):
+            list(made)
+    assert made.faults.out_of_order == 1
+
+
+@given(st.lists(st.lists(st.integers(0, 99), max_size=9), max_size=9))
+@pytest.mark.filterwarnings("ignore::evimo.errors.EvimoWarning")
+def test_what_comes_out_is_sorted_and_nothing_is_lost_uncounted(times):
+    made = recording(*map(packet, times))
+    try:
+        seen = [t for part in made for t in part.t.tolist()]
+    except BadFile:
+        return
+    assert seen == sorted(seen)
+    assert len(seen) + made.faults.dropped == sum(map(len, times))
+
+
+def test_a_matrix_that_is_no_camera_gives_no_hint():
+    assert hint_from_matrix(np.zeros((3, 3)), (48, 64), "K") is None
+    hint = hint_from_matrix(np.array([[50.0, 0, 31], [0, 51, 23], [0, 0, 1]]), (48, 64), "K")
+    assert hint is not None and (hint.fx, hint.fy, hint.cx, hint.cy) == (50, 51, 31, 23)
