@@ -1,0 +1,220 @@
+"""Speed of every stage on two cores: prints a table, writes out/bench.json. `make bench` runs this.
+
+    python bench/speed.py [--only slicing,run,simulate,onnx,warping] [--out out/bench.json]
+
+Peers are timed in turn within this very run, and medians compared: absolute times mean little on a shared machine.
+What cannot be measured here is listed with the reason. The JSON has one key per number; `rows` says more.
+"""
+
+import argparse
+import json
+import os
+import platform
+import shutil
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+CORES = 2
+RUNS = 3
+SIZE = (260, 346)
+FOLDER = Path("out/bench")
+SIMULATED = FOLDER / "simulated"
+SEED = 90_000
+GOALS = ("value", "must", "aim")
+
+Row = dict[str, Any]
+
+
+class Skipped(Exception):
+    """This cannot be measured here; the message says why."""
+
+
+def evimo(*arguments: str | Path) -> float:
+    """Run the command as a user does; wall time in s."""
+    start = time.perf_counter()
+    done = subprocess.run([sys.executable, "-m", "evimo.cli", *map(str, arguments)], capture_output=True, text=True)
+    if done.returncode:
+        raise Skipped(f"evimo {arguments[0]} failed: {done.stderr.strip().splitlines()[-1:]}")
+    return time.perf_counter() - start
+
+
+def slicing() -> Iterator[Row]:
+    """Events to frames, against numpy."""
+    if find_spec("slicing") is None:
+        raise Skipped("bench/slicing.py is not here")
+    from slicing import slicing_rows
+
+    yield from slicing_rows()
+
+
+def simulate() -> Iterator[Row]:
+    """Simulated slices per second of `evimo simulate`, start included, machine code cached by a first call."""
+    plan = ("simulate", "--size", f"{SIZE[1]}x{SIZE[0]}", "--workers", str(CORES), "--seed", str(SEED))
+    shutil.rmtree(SIMULATED, ignore_errors=True)
+    evimo(*plan, "--minutes", "0.001", "--seconds", "0.05", "--out", FOLDER / "warm_up")
+    shutil.rmtree(FOLDER / "warm_up", ignore_errors=True)
+    recordings, seconds = 6, 1.0
+    wall_s = evimo(*plan, "--minutes", str(recordings * seconds / 60), "--seconds", str(seconds), "--out", SIMULATED)
+    slices = recordings * seconds / 0.025
+    note = f"{recordings} recordings of {seconds:g} s, one of each set, {CORES} processes, start included"
+    yield row("simulate_slices_per_s", slices / wall_s, "slices/s", must=3.4, aim=6.0, note=note)
+
+
+def recording() -> Path:
+    """The packaged sample, else a simulated recording made once."""
+    from evimo import samples
+    from evimo.errors import NotFound
+
+    try:
+        return samples.path()
+    except NotFound:
+        if not any(SIMULATED.glob("set*")):
+            evimo(
+                "simulate", "--set", "1", "--minutes", "0.03", "--seconds", "2", "--seed", str(SEED), "--out", SIMULATED
+            )
+        return next(iter(sorted(SIMULATED.glob("set*"))))
+
+
+def run() -> Iterator[Row]:
+    """`evimo run` end to end with tiny, video off: slices per second after the first, and where the time goes."""
+    source = recording()
+    ways = {"": ("--dense",), "_tables_only": ("--no-dense",)}
+    summaries: dict[str, list[Row]] = {way: [] for way in ways}
+    for _ in range(RUNS):
+        for way, options in ways.items():
+            folder = FOLDER / f"run{way}"
+            wall_s = evimo("run", source, "--model", "tiny", "--no-video", *options, "--out", folder)
+            summaries[way].append(json.loads((folder / "summary.json").read_text()) | {"wall_s": wall_s})
+    for way, parts in summaries.items():
+        middle = sorted(parts, key=lambda part: part["slices_per_s"])[len(parts) // 2]
+        what = "tables, summary and dense maps" if way == "" else "tables and summary"
+        note = f"{source.name}, {middle['slices']} slices, {what}; {middle['startup_s']:.1f} s to the first"
+        stages = {"stages_ms": middle["stages_ms"], "wall_s": middle["wall_s"]}
+        goal = {"must": 25.0, "aim": 80.0} if way == "" else {}
+        yield row(f"run_tiny{way}_slices_per_s", middle["slices_per_s"], "slices/s", note=note, **goal, **stages)
+
+
+def onnx() -> Iterator[Row]:
+    """The tiny networks of one slice, as deployed against their own eager forward pass."""
+    if find_spec("torch") is None:
+        raise Skipped("torch is not installed: the eager pass needs evimo[train]")
+    import torch
+
+    import evimo as package
+    from evimo.errors import NotFound
+    from evimo.model.export import Deployed
+    from evimo.streaming.inference import Network
+
+    try:
+        network, model = Network("tiny", threads=CORES), package.load_model("tiny")
+    except NotFound as error:
+        raise Skipped(error.problem) from error
+    torch.set_num_threads(CORES)
+    stride = model.config.stride
+    height, width = (-(-side // stride) * stride for side in SIZE)
+    random = np.random.default_rng(0)
+    frames = random.poisson(0.2, (model.config.slices, 3, height, width)).astype(np.float32)
+    valid, intrinsics = np.ones((height, width), np.float32), np.array([258, 258, 173, 130], np.float32)
+    inputs = [torch.from_numpy(each)[None] for each in (frames, valid[None], intrinsics)]
+    deployed = Deployed(model).eval()
+
+    def eager() -> None:
+        with torch.no_grad():
+            deployed(*inputs)
+
+    ms = medians_ms({"onnx": lambda: network.estimate(frames, valid=valid, intrinsics=intrinsics), "eager": eager})
+    note = f"{width}x{height}: ONNX Runtime {ms['onnx']:.1f} ms, eager {ms['eager']:.1f} ms"
+    yield row("onnx_vs_eager", ms["eager"] / ms["onnx"], "times", must=1.3, aim=3.0, note=note, **ms)
+
+
+def warping() -> Iterator[Row]:
+    """The fine warp loss by splatting events, against grid_sample."""
+    if find_spec("torch") is None:
+        raise Skipped("torch is not installed: the losses need evimo[train]")
+    from warping import warping_rows
+
+    yield from warping_rows()
+
+
+MEASUREMENTS: dict[str, Callable[[], Iterator[Row]]] = {
+    "slicing": slicing,
+    "simulate": simulate,
+    "run": run,
+    "onnx": onnx,
+    "warping": warping,
+}
+
+
+def row(key: str, value: float, unit: str, *, note: str = "", **more: Any) -> Row:
+    """One number with what it means."""
+    return {"key": key, "value": value, "unit": unit, "note": note, **more}
+
+
+def medians_ms(ways: dict[str, Callable[[], Any]], *, rounds: int = 21) -> dict[str, float]:
+    """Each way once per round, in turn, after one call that is not counted; the median of its times."""
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    for number in range(rounds + 1):
+        for name, way in ways.items():
+            start = time.perf_counter()
+            way()
+            if number:
+                times[name].append((time.perf_counter() - start) * 1e3)
+    return {name: statistics.median(each) for name, each in times.items()}
+
+
+def as_table(rows: list[Row]) -> Table:
+    """Numbers, goals, notes; where the time goes."""
+    table = Table("what", "value", "unit", "must", "aim", "note", title="evimo bench", title_justify="left")
+    for each in rows:
+        goals = (f"{each[goal]:g}" if each.get(goal) else "–" for goal in ("must", "aim"))
+        note = each.get("note") or ", ".join(
+            f"{k} {v:.4g}" for k, v in each.items() if isinstance(v, float) and k not in GOALS
+        )
+        table.add_row(each["key"], f"{each['value']:.2f}", each.get("unit", "times"), *goals, note)
+        for stage, ms in each.get("stages_ms", {}).items():
+            table.add_row(f"   {stage}", f"{ms:.2f}", "ms/slice", "", "", "")
+    return table
+
+
+def main() -> None:
+    """Measure, print, save."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default=",".join(MEASUREMENTS), help="comma-separated")
+    parser.add_argument("--out", type=Path, default=Path("out/bench.json"))
+    options = parser.parse_args()
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:CORES])  # commands started from here inherit it
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    rows: list[Row] = []
+    skipped: dict[str, str] = {}
+    console = Console(width=150)
+    for name in options.only.split(","):
+        console.print(f"measuring {name} …", style="dim")
+        try:
+            rows += MEASUREMENTS[name]()
+        except Skipped as reason:
+            skipped[name] = str(reason)
+    console.print(as_table(rows))
+    for name, reason in skipped.items():
+        console.print(f"skipped {name}: {reason}", markup=False)
+    machine = {"cores": CORES, "machine": platform.machine(), "python": platform.python_version()}
+    numbers = {each["key"]: each["value"] for each in rows}
+    content = numbers | {"rows": rows, "skipped": skipped, "machine": machine, "evimo": version("evimo")}
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    options.out.write_text(json.dumps(content, indent=1) + "\n")
+    console.print(f"saved in {options.out}")
+
+
+if __name__ == "__main__":
+    main()
