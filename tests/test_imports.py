@@ -1,9 +1,12 @@
 """Data flows one way, `import evimo` costs nothing, and running a model never asks for what only training needs."""
 
 import ast
+import re
 import subprocess
 import sys
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterable, Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -49,7 +52,7 @@ def test_every_room_has_a_row():
 
 
 def test_importing_evimo_imports_nothing_heavy():
-    heavy = ["numpy", "numba", "cv2", "scipy", "onnxruntime", "h5py", "av", "dv_processing", "rosbags", *EXTRAS]
+    heavy = ["numpy", "numba", "cv2", "scipy", "onnxruntime", "h5py", "av", "lz4", "rosbags", *EXTRAS]
     loaded = printed_by(f"import sys, evimo; print(*[name for name in {heavy} if name in sys.modules])")
     assert loaded.split() == []
 
@@ -68,6 +71,24 @@ for name in {modules}:
         print(name, "needs", error.name)
 """
     assert printed_by(program) == ""
+
+
+def test_what_is_imported_is_declared_and_the_other_way_round():
+    """Nothing arrives by way of another package's dependencies, and users install nothing that is not used."""
+    project = tomllib.loads((SRC.parents[1] / "pyproject.toml").read_text())["project"]
+    base, extras = project["dependencies"], project["optional-dependencies"]
+    homes = packages_distributions()
+    names = {name.split(".")[0] for file in SRC.rglob("*.py") for name in imported(file)}
+    used = spelled(home for name in names - {"evimo"} for home in homes.get(name, []))
+    installed = spelled(home for found in homes.values() for home in found)  # some are for other Python versions
+    assert used - spelled([*base, *extras["train"], *extras["formats"], *extras["view"]]) == set()
+    assert (spelled(base) & installed) - used == set()
+
+
+def spelled(requirements: Iterable[str]) -> set[str]:
+    """Names of distributions in one spelling, without versions and markers."""
+    names = (re.split(r"[^\w.-]", requirement, maxsplit=1)[0] for requirement in requirements)
+    return {re.sub(r"[-_.]+", "-", name).lower() for name in names}
 
 
 def all_modules() -> list[str]:
