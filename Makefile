@@ -16,13 +16,11 @@ help:
 
 demo: $(VENV)/.base
 	@$(VENV)/bin/evimo run "$(SAMPLE)" --out out/demo
-	@echo
-	@echo "video:    $(CURDIR)/out/demo/video.mp4"
-	@echo "tables:   $(CURDIR)/out/demo/egomotion.csv and objects.csv"
-	@echo "maps:     $(CURDIR)/out/demo/estimates.h5 (what the columns mean: README.md, 'What comes out')"
+	@echo "Now look at $(CURDIR)/out/demo/video.mp4"
+	@echo "The tables and maps beside it are explained in README.md under 'What comes out'."
 
 test: $(VENV)/.dev
-	@$(VENV)/bin/python -m pytest $(ARGS)
+	@$(VENV)/bin/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(ARGS)
 
 check: $(VENV)/.dev
 	$(VENV)/bin/ruff format --check .
