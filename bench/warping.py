@@ -49,7 +49,7 @@ def by_grid_sample(flow: torch.Tensor, images: torch.Tensor) -> torch.Tensor:
     """The same loss the way the paper words it: warp every thin slice to the middle, add, take the quasi-norm."""
     batch, thin = images.shape[:2]
     elapsed_s = ((torch.arange(thin) + 0.5) / thin - 0.5) * SLICE_S
-    at = pixel_grid(*SIZE, like=flow) + flow[:, None] * elapsed_s.view(1, -1, 1, 1, 1)
+    at = pixel_grid(flow) + flow[:, None] * elapsed_s.view(1, -1, 1, 1, 1)
     stacked = sample(images.flatten(0, 1), at.flatten(0, 1)).unflatten(0, (batch, thin)).sum(1)
     count = images.sum(dim=(1, 2, 3, 4)).view(-1, 1, 1, 1)
     return 2 * SIZE[0] * SIZE[1] / count * sharpness(stacked)

@@ -8,23 +8,28 @@ from jaxtyping import Float
 from torch import Tensor
 
 
-def pixel_grid(height: int, width: int, *, like: Tensor) -> Float[Tensor, "2 H W"]:
-    """Column and row of each pixel, px, on the device and in the dtype of `like`."""
-    y = torch.arange(height, device=like.device, dtype=like.dtype)
-    x = torch.arange(width, device=like.device, dtype=like.dtype)
-    return torch.stack((x.expand(height, width), y[:, None].expand(height, width)))
+def pixel_grid(image: Float[Tensor, "*batch C H W"]) -> Float[Tensor, "2 H W"]:
+    """Column and row of each pixel of an image, px.
+
+    Counted from the image's own values, not from its shape: an exporter may freeze a shape, and the graph must take any.
+    """
+    while image.dim() > 2:
+        image = image[0]
+    ones = image * 0 + 1
+    return torch.stack((ones.cumsum(-1) - 1, ones.cumsum(-2) - 1))
 
 
-def normalised_grid(intrinsics: Float[Tensor, "*batch 4"], height: int, width: int) -> Float[Tensor, "*batch 2 H W"]:
+def normalised_grid(
+    intrinsics: Float[Tensor, "*batch 4"], image: Float[Tensor, "*any C H W"]
+) -> Float[Tensor, "*batch 2 H W"]:
     """(x, y) on the plane Z = 1 of each pixel of a pinhole image.
 
     Args:
         intrinsics: fx, fy, cx, cy in px, of this very image size.
-        height: rows of the image.
-        width: columns of the image.
+        image: any finite image of that size.
     """
     focal_px, centre = intrinsics[..., :2, None, None], intrinsics[..., 2:, None, None]
-    return (pixel_grid(height, width, like=intrinsics) - centre) / focal_px
+    return (pixel_grid(image).to(intrinsics) - centre) / focal_px
 
 
 def resized_intrinsics(

@@ -10,6 +10,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from evimo.geometry.grids import pixel_grid
+
 _MARGIN = 2  # pixels around a splatted image, cut off afterwards: two of them hold all four neighbours of any outsider
 
 
@@ -50,9 +52,8 @@ def sample(image: Float[Tensor, "B C H W"], at: Float[Tensor, "B 2 h w"]) -> Flo
         image: what to read.
         at: (x, y) in px of `image` for each output pixel.
     """
-    height, width = image.shape[-2:]
-    to_unit = at.new_tensor((2 / max(width - 1, 1), 2 / max(height - 1, 1)))
-    unit = at.movedim(-3, -1) * to_unit - 1
+    last = pixel_grid(image).amax(dim=(-2, -1))  # a tensor, so that an exported graph takes any size
+    unit = at.permute(0, 2, 3, 1) * (2 / last.clamp(min=1)) - 1
     return torch.nn.functional.grid_sample(image, unit, mode="bilinear", padding_mode="zeros", align_corners=True)
 
 

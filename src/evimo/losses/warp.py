@@ -28,7 +28,7 @@ def coarse_warp_loss(
     """
     batch, slices, _, height, width = frames.shape
     middle = frames[:, slices // 2]
-    here = pixel_grid(height, width, like=flow)
+    here = pixel_grid(flow)
     total = flow.new_zeros(batch, 1, height, width)
     count = flow.new_zeros(batch, 1, 1, 1)
     for n in range(slices):

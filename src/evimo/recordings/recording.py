@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
-from evimo.events.io.evimo2 import open_evimo2
 from evimo.events.io.event_file import EventFile
+from evimo.events.io.evimo2 import open_evimo2
 from evimo.geometry.camera import Camera
 from evimo.recordings.truth import ObjectTruth, Truth
 

@@ -1,0 +1,65 @@
+"""Weights in safetensors files that carry their configuration; never a pickle."""
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from evimo.errors import BadFile, NotFound
+from evimo.model.motion_net import MotionNet
+from evimo.model.presets import PRESETS, ModelConfig
+from evimo.model.weights import packaged
+
+
+def load_model(name_or_path: str | Path, *, device: str = "cpu") -> MotionNet:
+    """A trained model: `load_model("tiny")`, `load_model("runs/wall/model.safetensors")`.
+
+    Raises:
+        NotFound: no such preset or file.
+        BadFile: the file is damaged, or of another kind.
+    """
+    path = packaged(str(name_or_path), ".safetensors") or Path(name_or_path)
+    if not path.is_file():
+        raise NotFound(
+            f"no model {str(name_or_path)!r}", fix=f"one of {', '.join(PRESETS)}, or the path of a .safetensors file"
+        )
+    tensors, facts = load_tensors(path)
+    try:
+        model = MotionNet(ModelConfig(**facts["config"])).to(device)
+        model.load_state_dict(tensors)
+    except (KeyError, TypeError, RuntimeError) as error:
+        raise BadFile(f"{path} holds another kind of model: {error}", fix="a file that `evimo train` wrote") from error
+    return model.eval()
+
+
+def save_model(model: MotionNet, path: Path, **facts: Any) -> None:
+    """Write weights and configuration, and any facts that JSON can hold."""
+    save_tensors(dict(model.state_dict()), path, config=asdict(model.config), **facts)
+
+
+def save_tensors(tensors: dict[str, Tensor], path: Path, **facts: Any) -> None:
+    """Write tensors and facts beside and rename, so that a file is whole as soon as it exists."""
+    partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
+    save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, partial, {"facts": json.dumps(facts)})
+    partial.replace(path)
+
+
+def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read what `save_tensors` wrote.
+
+    Raises:
+        BadFile: it is no such file.
+    """
+    try:
+        with safe_open(path, framework="pt") as saved:
+            facts: dict[str, Any] = json.loads((saved.metadata() or {})["facts"])
+            return {name: saved.get_tensor(name) for name in saved.keys()}, facts  # noqa: SIM118 (no mapping)
+    except (SafetensorError, KeyError, ValueError, OSError) as error:
+        raise BadFile(
+            f"{path} is not a checkpoint of this program: {error}", fix="a file that `evimo train` wrote"
+        ) from error

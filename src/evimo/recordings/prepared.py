@@ -1,0 +1,168 @@
+"""Recordings with truth brought into the rectified image, once, as memory-mapped arrays that training reads."""
+
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile, NotFound
+from evimo.events.frames import FrameMaker, PixelTable
+from evimo.events.slices import SLICE_US, Slice, in_slices
+from evimo.geometry.rectification import Rectification, rectified
+from evimo.recordings.flow import true_flow
+from evimo.recordings.recording import Recording, open_recording
+from evimo.recordings.truth import Truth
+
+FORMAT = 1
+MOVING_MPS, MOVING_RADPS = 0.03, 0.17  # an object that is slower counts as resting
+SUBPIXEL = 64  # steps per px of stored event positions
+NAMES = ("frames", "valid", "depth", "ids", "moving", "clutter", "flow", "velocity", "ego")
+EVENT_NAMES = ("event_xy", "event_t", "event_on", "event_first")
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """One recording's slices that have truth, in the rectified image (h, w); arrays are memory-mapped.
+
+    intrinsics: (4,) fx fy cx cy, px.
+    frames:   (S, 3, h, w) float16 event frames.
+    valid:    (h, w) bool, pixels that the lens sees.
+    depth:    (S, h, w) float16, m; 0 is unknown.
+    ids:      (S, h, w) uint8.
+    moving:   (S, h, w) bool, pixels of objects that move at that instant.
+    clutter:  (S, h, w) bool.
+    flow:     (S, 2, h, w) float16, 1/s on the plane Z = 1.
+    velocity: (S, 256, 3) float32, of each id, camera axes, m/s; 0 of what rests.
+    ego:      (S, 6) float32.
+    event_xy: (N, 2) uint16, column and row of each event of these slices in 1/64 px; event_t: (N,) uint16, µs since the
+        slice's start; event_on: (N,) bool, brighter; event_first: (S + 1,) int64, first event of each slice.
+    """
+
+    intrinsics: NDArray[np.float32]
+    frames: NDArray[np.float16]
+    valid: NDArray[np.bool_]
+    depth: NDArray[np.float16]
+    ids: NDArray[np.uint8]
+    moving: NDArray[np.bool_]
+    clutter: NDArray[np.bool_]
+    flow: NDArray[np.float16]
+    velocity: NDArray[np.float32]
+    ego: NDArray[np.float32]
+    event_xy: NDArray[np.uint16]
+    event_t: NDArray[np.uint16]
+    event_on: NDArray[np.bool_]
+    event_first: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+
+def recording_folders(paths: list[Path]) -> list[Path]:
+    """The recordings with truth in or below each path, sorted by name.
+
+    Raises:
+        NotFound: a path holds none.
+    """
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(info.parent for info in path.glob("**/dataset_sim.npz") if ".partial" not in str(info))
+        if not inside:
+            raise NotFound(f"no recording with truth in {path}", fix="make some with `evimo simulate --out DIR`")
+        found += inside
+    return found
+
+
+def prepare(folder: Path) -> Path:
+    """Write the arrays of `Prepared` into the recording's own folder, if they are not there yet; returns where."""
+    target = folder / f"prepared_v{FORMAT}"
+    if target.exists():
+        return target
+    partial = folder / f".partial-{os.getpid()}"
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir()
+    arrays, intrinsics = _arrays(open_recording(folder))
+    for name, values in arrays.items():
+        np.save(partial / f"{name}.npy", values)
+    (partial / "camera.json").write_text(json.dumps({"intrinsics": intrinsics}))
+    partial.rename(target)
+    return target
+
+
+def open_prepared(folder: Path) -> Prepared:
+    """Open what `prepare` wrote.
+
+    Raises:
+        BadFile: it is damaged.
+    """
+    try:
+        intrinsics = np.array(json.loads((folder / "camera.json").read_text())["intrinsics"], np.float32)
+        arrays = {
+            name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in NAMES + EVENT_NAMES
+        }
+    except (OSError, ValueError, KeyError) as error:
+        raise BadFile(f"{folder} is damaged: {error}", fix="delete it; it is made again") from error
+    return Prepared(intrinsics, **arrays)
+
+
+def _arrays(recording: Recording) -> tuple[dict[str, NDArray[Any]], list[float]]:
+    """Everything of one recording, by name, and its rectified intrinsics."""
+    rectification = rectified(recording.camera)
+    maker = FrameMaker(PixelTable(*rectification.table()))
+    stop_us = int(recording.times_us[-1]) + SLICE_US // 2
+    slices = {s.centre_us: s for s in in_slices(recording.events.packets(), SLICE_US, start_us=0, stop_us=stop_us)}
+    pixels, _ = recording.camera.normalised(recording.camera.pixels())
+    grid = np.moveaxis(pixels, -1, 0)
+    rows: list[dict[str, NDArray[Any]]] = []
+    for k, t_us in enumerate(recording.times_us.tolist()):
+        if t_us not in slices:
+            break  # the events end before the truth does
+        frame = maker.frame(slices[t_us].events, start_us=slices[t_us].start_us)
+        rows.append(
+            {"frames": frame.astype(np.float16)}
+            | _truth_row(recording.truth(k), grid, rectification)
+            | _event_row(slices[t_us], rectification)
+        )
+    arrays = {name: np.stack([row[name] for row in rows]) for name in NAMES if name != "valid"}
+    arrays |= {name: np.concatenate([row[name] for row in rows]) for name in EVENT_NAMES[:3]}
+    counts = [len(row["event_t"]) for row in rows]
+    arrays |= {"event_first": np.cumsum([0, *counts]), "valid": rectification.image_valid}
+    image = rectification.image
+    return arrays, [image.fx, image.fy, image.cx, image.cy]
+
+
+def _truth_row(truth: Truth, grid: NDArray[np.float64], rectification: Rectification) -> dict[str, NDArray[Any]]:
+    """One slice's truth in the rectified image."""
+    velocity, moves = np.zeros((256, 3), np.float32), np.zeros(256, np.bool_)
+    for number, motion in truth.objects.items():
+        speed, turn = np.linalg.norm(motion.velocity), np.linalg.norm(motion.rotation)
+        moves[number] = speed > MOVING_MPS or turn > MOVING_RADPS
+        velocity[number] = motion.velocity * moves[number]
+    flow = np.clip(true_flow(truth, grid), -1e4, 1e4)
+    return {
+        "depth": rectification.from_sensor(np.where(truth.valid, truth.depth, 0)).astype(np.float16),
+        "ids": rectification.from_sensor(truth.ids),
+        "moving": rectification.from_sensor(moves[truth.ids]),
+        "clutter": rectification.from_sensor(truth.clutter),
+        "flow": rectification.from_sensor(flow).astype(np.float16),
+        "velocity": velocity,
+        "ego": truth.ego.astype(np.float32),
+    }
+
+
+def _event_row(slice_: Slice, rectification: Rectification) -> dict[str, NDArray[Any]]:
+    """One slice's events in the rectified image."""
+    events = slice_.events
+    kept = rectification.valid[events.y, events.x]
+    x, y = events.x[kept], events.y[kept]
+    height, width = rectification.image.size
+    at = np.stack((rectification.x[y, x].clip(0, width - 1), rectification.y[y, x].clip(0, height - 1)), axis=1)
+    return {
+        "event_xy": np.round(at * SUBPIXEL).astype(np.uint16),
+        "event_t": (events.t[kept] - slice_.start_us).astype(np.uint16),
+        "event_on": events.p[kept] > 0,
+    }

@@ -1,0 +1,27 @@
+"""What a training run is: everything that its checkpoints carry."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """One run; with the data it determines every number.
+
+    recipe:        name of the weights of the loss terms.
+    steps:         batches.
+    batch:         samples per batch.
+    learning_rate: at its highest; the paper has 1e-2 with batches of 32.
+    warm_up:       steps until then; a half cosine to 0 follows.
+    average:       decay of the moving average of the weights, which is what is saved.
+    seed:          of the first weights and of every batch.
+    save_every:    steps between checkpoints.
+    """
+
+    recipe: str = "shipped"
+    steps: int = 4000
+    batch: int = 8
+    learning_rate: float = 3e-3
+    warm_up: int = 50
+    average: float = 0.998
+    seed: int = 0
+    save_every: int = 200

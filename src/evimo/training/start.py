@@ -1,0 +1,78 @@
+"""From folders and a preset to a trainer that is ready to run."""
+
+import csv
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import torch
+
+from evimo.errors import BadFile
+from evimo.model.checkpoint import load_model
+from evimo.model.motion_net import MotionNet
+from evimo.model.presets import PRESETS
+from evimo.recordings.prepared import Prepared, open_prepared, prepare, recording_folders
+from evimo.training.config import TrainConfig
+from evimo.training.data import Samples, samples_of
+from evimo.training.loop import Trainer
+
+
+def start(
+    data: list[Path],
+    preset: str,
+    config: TrainConfig,
+    out: Path,
+    *,
+    device: str = "cpu",
+    progress: Callable[[int, int], None],
+) -> Trainer:
+    """Prepare the recordings, make or load the model, go on from the folder's checkpoint if there is one.
+
+    Args:
+        data: folders of recordings.
+        preset: name of a shape, or a .safetensors file to train further.
+        config: of the run.
+        out: folder of the run.
+        device: where to train.
+        progress: gets how many recordings are prepared, of how many.
+    """
+    groups = sample_groups(data, progress)
+    torch.manual_seed(config.seed)
+    model = MotionNet(PRESETS[preset]).to(device) if preset in PRESETS else load_model(preset, device=device)
+    trainer = Trainer(model, config, groups, out)
+    trainer.resume()
+    return trainer
+
+
+def sample_groups(data: list[Path], progress: Callable[[int, int], None]) -> list[Samples]:
+    """The samples of all recordings, grouped by the size of their images.
+
+    Raises:
+        BadFile: no recording has a slice with truth.
+    """
+    folders = recording_folders(data)
+    by_size: dict[tuple[int, ...], list[Prepared]] = {}
+    for done, folder in enumerate(folders):
+        recording = open_prepared(prepare(folder))
+        by_size.setdefault(recording.valid.shape, []).append(recording)
+        progress(done + 1, len(folders))
+    groups = [group for group in map(samples_of, by_size.values()) if len(group)]
+    if not groups:
+        raise BadFile("no recording has a slice with truth", fix="simulate recordings of at least 0.025 s")
+    return groups
+
+
+@contextmanager
+def log_rows(path: Path) -> Iterator[Callable[[int, dict[str, float]], None]]:
+    """A function that appends a step's loss terms to a CSV file."""
+    known = path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.writer(file)
+
+        def row(step: int, terms: dict[str, float]) -> None:
+            if not known and file.tell() == 0:
+                writer.writerow(["step", *terms])
+            writer.writerow([step, *(f"{value:.5g}" for value in terms.values())])
+            file.flush()
+
+        yield row
