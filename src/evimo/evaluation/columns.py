@@ -96,6 +96,6 @@ CONVENTIONS: tuple[str, ...] = (
     "Scale of velocities from truth: the true norm per slice, or (depth) median true over median predicted depth."
     " A zero velocity stays zero, so its error is the true speed.",
     "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames.",
-    "Event density is the event count in a 15x15 box over the mean of the frame; the oracle threshold is the best dense"
-    " IoU on these very recordings.",
+    "Event density is the event count in a box of 1/13 of the width, over the mean of the frame; the oracle threshold"
+    " is the one with the best IoU on these very recordings.",
 )
