@@ -10,11 +10,8 @@ from evimo.scene.kernels import jit, trace
 from evimo.scene.shading import shade
 
 f32 = np.float32
-i32 = np.int32
 TILE = 8
-NOTHING = -8  # tag of a ray that meets nothing; others are part * 8 + face
 _0, _1 = f32(0), f32(1)
-_SKY = f32(0.3)
 _SLACK = f32(0.006)  # rad, added around a tile: rays within its border pixels
 
 _parallel = numba.njit(fastmath=True, nogil=True, error_model="numpy", cache=True, parallel=True)
@@ -77,37 +74,40 @@ def _listing(cone, spheres, listed):
 
 
 @jit
+def _look(f, number, scene, lists, scratch):
+    """Cast and shade the first `number` rays of `scratch` at frame f."""
+    _, placed, parts, bank, light = scene
+    local, depth, found, irradiance, tags = scratch
+    to_part, origin, to_light = placed.to_part[f], placed.origin[f], placed.light[f]
+    trace(local, number, (to_part, origin), parts, lists[0], lists[1], depth, found)
+    shade(local, number, (depth, found), (to_part, origin, to_light), parts, bank, light, (irradiance, tags))
+
+
+@jit
 def _tile(f, box, scene, lists, out, scratch):
     """Cast the centre rays of one tile at frame f."""
-    rays, placed, parts, bank, ambient, pixel = scene
-    image, depth, tags = out
+    rays, (image, depth, tags) = scene[0], out
+    local, far, _, irradiance, faces = scratch
     y0, y1, x0, x1 = box
-    local, far, found = scratch
     number = 0
     for y in range(y0, y1):
         for x in range(x0, x1):
             local[0, number], local[1, number] = rays[0, 0, y, x], rays[0, 1, y, x]
             number += 1
-    frame = placed.to_part[f], placed.origin[f]
-    trace(local, number, frame, parts, lists[0], lists[1], far, found)
-    lit = placed.to_part[f], placed.origin[f], placed.light[f]
+    _look(f, number, scene, lists, scratch)
     k = 0
     for y in range(y0, y1):
         for x in range(x0, x1):
-            light, tag = _SKY, i32(NOTHING)
-            if found[k] >= 0:
-                light, tag = shade(local[0, k], local[1, k], far[k], found[k], lit, parts, bank, ambient, pixel)
-            image[f, y, x], depth[f, y, x], tags[f, y, x] = light, far[k], tag
+            image[f, y, x], depth[f, y, x], tags[f, y, x] = irradiance[k], far[k], faces[k]
             k += 1
 
 
 @jit
 def _smooth_edges(f, box, scene, lists, out, scratch):
-    """Cast more rays in those pixels of a tile that see another face than a neighbour, or a net."""
-    rays, placed, parts, bank, ambient, pixel = scene
-    image, _, tags = out
+    """Cast more rays in those pixels of a tile that see another face than a neighbour, or a fine net."""
+    rays, (image, _, tags) = scene[0], out
+    local, irradiance, everywhere = scratch[0], scratch[3], lists[2]
     y0, y1, x0, x1 = box
-    local, far, found = scratch
     height, width, samples = image.shape[1], image.shape[2], rays.shape[0] - 1
     number = 0
     places = np.empty(TILE * TILE, np.int32)
@@ -116,23 +116,17 @@ def _smooth_edges(f, box, scene, lists, out, scratch):
         for x in range(x0, x1):
             tag, left, right = tags[f, y, x], max(x - 1, 0), min(x + 1, width - 1)
             edge = tags[f, y, left] != tag or tags[f, y, right] != tag
-            if lists[2] or edge or tags[f, up, x] != tag or tags[f, down, x] != tag:
+            if everywhere or edge or tags[f, up, x] != tag or tags[f, down, x] != tag:
                 places[number // samples] = y * width + x
                 for s in range(samples):
                     local[0, number], local[1, number] = rays[s + 1, 0, y, x], rays[s + 1, 1, y, x]
                     number += 1
-    if number == 0:
-        return
-    frame = placed.to_part[f], placed.origin[f]
-    trace(local, number, frame, parts, lists[0], lists[1], far, found)
-    lit = placed.to_part[f], placed.origin[f], placed.light[f]
+    if number > 0:
+        _look(f, number, scene, lists, scratch)
     for place in range(number // samples):
         total = _0
         for k in range(place * samples, (place + 1) * samples):
-            if found[k] >= 0:
-                total += shade(local[0, k], local[1, k], far[k], found[k], lit, parts, bank, ambient, pixel)[0]
-            else:
-                total += _SKY
+            total += irradiance[k]
         image[f, places[place] // width, places[place] % width] = total / f32(samples)
 
 
@@ -159,7 +153,9 @@ def _box(row, column, out):
 @jit
 def _scratch(scene):
     most = TILE * TILE * max(1, scene[0].shape[0] - 1)
-    return np.empty((2, most), np.float32), np.empty(most, np.float32), np.empty(most, np.int32)
+    depth, irradiance = np.empty(most, np.float32), np.empty(most, np.float32)
+    found, tags = np.empty(most, np.int32), np.empty(most, np.int32)
+    return np.empty((2, most), np.float32), depth, found, irradiance, tags
 
 
 @jit
@@ -211,8 +207,8 @@ def render(cones, rays, placed, parts, bank, light, strides, first, image, depth
     for f in range(frames):
         _spheres(placed.centre[f], parts, light[1], spheres[f])
     for row in numba.prange(rows):  # parallel loops take neither nested tuples nor writes to a tuple's arrays
-        scene, lists = (rays, placed, parts, bank, light[0], light[1]), (listed, counts, nets)
+        scene, lists = (rays, placed, parts, bank, light), (listed, counts, nets)
         _cast_row(row, first, cones, strides, scene, spheres, lists, (image, depth, tags))
     for row in numba.prange(rows):
-        scene, lists = (rays, placed, parts, bank, light[0], light[1]), (listed, counts, nets)
+        scene, lists = (rays, placed, parts, bank, light), (listed, counts, nets)
         _smooth_row(row, first, strides, scene, lists, (image, depth, tags))

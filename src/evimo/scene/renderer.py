@@ -45,9 +45,18 @@ class Renderer:
     def __init__(self, scene: Scene, camera: Camera) -> None:
         self.scene, self.camera = scene, camera
         self.packed = PackedScene(scene)
-        self.rays, self.valid = lens_rays(camera)
-        self.cones = np.empty((math.ceil(camera.height / TILE), math.ceil(camera.width / TILE), 5), np.float32)
-        tile_cones(self.rays, self.cones)
+
+    @cached_property
+    def lens(self) -> tuple[F4, NDArray[np.bool_]]:
+        """Rays (5, 2, H, W) of every pixel's centre and of points within it, and where the lens is defined (H, W)."""
+        return lens_rays(self.camera)
+
+    @cached_property
+    def cones(self) -> F4:
+        """The cone around each tile, (R, C, 5)."""
+        cones = np.empty((math.ceil(self.camera.height / TILE), math.ceil(self.camera.width / TILE), 5), np.float32)
+        tile_cones(self.lens[0], cones)
+        return cones
 
     def frames(self, time_s: F8) -> Frames:
         """Intensity, depth and parts at times (F,)."""
@@ -75,13 +84,15 @@ class Renderer:
         light = np.array((self.scene.ambient, 1 / self.camera.fx), np.float32)
         packed = self.packed
         render(
-            self.cones, self.rays, packed.placed(time_s), packed.parts, self.scene.bank, light, strides, first, *out
+            self.cones, self.lens[0], packed.placed(time_s), packed.parts, self.scene.bank, light, strides, first, *out
         )
 
     @cached_property
     def coarse_rays(self) -> F4:
         """Rays (2, N) of a coarse grid of pixels."""
-        return np.ascontiguousarray(self.rays[0, :, COARSE // 2 :: COARSE, COARSE // 2 :: COARSE].reshape(2, -1))
+        some = self.camera.pixels()[COARSE // 2 :: COARSE, COARSE // 2 :: COARSE].reshape(-1, 2)
+        straight, known = self.camera.normalised(some)
+        return np.ascontiguousarray(np.where(known[:, None], straight, 0).T, np.float32)
 
     @property
     def coarse_size(self) -> tuple[int, int]:
@@ -116,7 +127,7 @@ class Renderer:
         if frame is None:
             frame = self.frames(time_s).seen(0)
         depth, parts = frame
-        seen = self.valid & (parts >= 0)
+        seen = self.lens[1] & (parts >= 0)
         index = np.maximum(parts, 0)
         ids = np.where(seen, self.packed.ids[index], 0).astype(np.uint8)
         clutter = np.where(seen, self.packed.clutter[index], 0).astype(np.uint8)

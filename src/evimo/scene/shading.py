@@ -13,7 +13,8 @@ TEXTURE = 256
 TEXTURE_LEVELS = 7
 
 _0, _HALF, _1, _3 = f32(0), f32(0.5), f32(1), f32(3)
-_TINY = f32(1e-12)
+SKY = f32(0.3)
+NOTHING = -8  # tag of a ray that meets nothing
 _CAP = f32(0.9999)  # beyond it along a cylinder's axis a hit is on an end
 _GRAZING = f32(0.04)  # least cosine of incidence for the texture's footprint
 _COARSEST = f32(TEXTURE_LEVELS - 0.001)
@@ -24,9 +25,9 @@ _SIDES = (f32(3.1), f32(5.7), f32(7.3))  # shifts that keep opposite faces of a 
 def _texel(texels, base, size, u, v):
     """Bilinear look-up that wraps around."""
     x, y = u * f32(size) - _HALF, v * f32(size) - _HALF
-    fx, fy = math.floor(x), math.floor(y)
-    column, row = i32(fx), i32(fy)
-    fx, fy = x - f32(fx), y - f32(fy)
+    column, row = i32(x), i32(y)
+    column, row = i32(column - (x < f32(column))), i32(row - (y < f32(row)))  # floor, without a call
+    fx, fy = x - f32(column), y - f32(row)
     last = i32(size - 1)
     left, right = column & last, (column + 1) & last
     upper, lower = base + (row & last) * size, base + ((row + 1) & last) * size
@@ -59,37 +60,57 @@ def _surface_point(shape, hx, hy, hz, a, b, c):
 
 
 @jit
-def shade(dx, dy, t, i, frame, parts, bank, ambient, pixel):
-    """Irradiance of the hit at depth t of part i on the ray (dx, dy, 1), and its tag: part * 8 + face.
-
-    frame: to_part (P, 3, 3), origin (P, 3) and light (P, 3). pixel: size of a pixel on Z = 1.
-    """
-    m, o, to_light = frame
-    i = np.uint32(i)
-    x = m[i, 0, 0] * dx + m[i, 0, 1] * dy + m[i, 0, 2]
-    y = m[i, 1, 0] * dx + m[i, 1, 1] * dy + m[i, 1, 2]
-    z = m[i, 2, 0] * dx + m[i, 2, 1] * dy + m[i, 2, 2]
-    hx, hy, hz = o[i, 0] + t * x, o[i, 1] + t * y, o[i, 2] + t * z
-    a, b, c = parts.half[i, 0], parts.half[i, 1], parts.half[i, 2]
-    nx, ny, nz, u, v, face = _surface_point(parts.shape[i], hx, hy, hz, a, b, c)
-    scale = _1 / math.sqrt(nx * nx + ny * ny + nz * nz)
-    facing = -scale if parts.inside[i] != 0 else scale
-    lambert = facing * (nx * to_light[i, 0] + ny * to_light[i, 1] + nz * to_light[i, 2])
-    lit = ambient + (_1 - ambient) * (_HALF + _HALF * lambert)
-    ex, ey, ez = x * a, y * b, z * c
-    cosine = scale * abs(nx * ex + ny * ey + nz * ez) / math.sqrt(ex * ex + ey * ey + ez * ez)
-    period = parts.period[i]
-    footprint = t * pixel / math.sqrt(max(cosine, _GRAZING)) * f32(TEXTURE) / period
-    u, v = u / period + parts.shift[i, 0], v / period + parts.shift[i, 1]
-    number = i32(parts.texture[i])
+def _pattern(texels, offsets, number, footprint, u, v):
+    """Texture `number` at u, v in periods, averaged over a footprint given in texels of the finest level."""
     if footprint <= _1:
-        pattern = _texel(bank.texels, number * TEXTURE * TEXTURE, TEXTURE, u, v)
-    else:
-        level = min(math.log2(footprint), _COARSEST)
-        fine = i32(level)
-        size, coarser = i32(TEXTURE) >> fine, i32(TEXTURE // 2) >> fine
-        near = _texel(bank.texels, i32(bank.offsets[fine]) + number * size * size, size, u, v)
-        far = _texel(bank.texels, i32(bank.offsets[fine + 1]) + number * coarser * coarser, coarser, u, v)
-        pattern = near + (far - near) * (level - f32(fine))
-    dark, bright = parts.reflectance[i, 0], parts.reflectance[i, 1]
-    return (dark + (bright - dark) * pattern) * lit, i32(i) * 8 + face
+        return _texel(texels, number * TEXTURE * TEXTURE, TEXTURE, u, v)
+    level = min(math.log2(footprint), _COARSEST)
+    fine = i32(level)
+    size, coarser = i32(TEXTURE) >> fine, i32(TEXTURE // 2) >> fine
+    near = _texel(texels, i32(offsets[fine]) + number * size * size, size, u, v)
+    far = _texel(texels, i32(offsets[fine + 1]) + number * coarser * coarser, coarser, u, v)
+    return near + (far - near) * (level - f32(fine))
+
+
+@jit
+def shade(rays, number, hits, frame, parts, bank, light, seen):
+    """What rays (x, y, 1) see.
+
+    Args:
+        rays: (2, N) x and y on Z = 1, of which the first `number` count. hits: depth and part (N,), negative: nothing.
+        frame: to_part (P, 3, 3), origin (P, 3) and direction to the light (P, 3) of every part at this time.
+        light: (2,) share of light without direction; size of a pixel on Z = 1.
+        seen: irradiance and tag (N,), written; a tag is part * 8 + face.
+    """
+    # every array by a local name: taking one out of a tuple inside the loop counts references, which costs more
+    # than the arithmetic
+    to_part, origin, to_light = frame
+    depth, found = hits
+    irradiance, tags = seen
+    shapes, insides, textures, halves = parts.shape, parts.inside, parts.texture, parts.half
+    periods, shifts, reflectances = parts.period, parts.shift, parts.reflectance
+    texels, offsets = bank.texels, bank.offsets
+    ambient, pixel = light[0], light[1]
+    for k in range(number):
+        irradiance[k], tags[k] = SKY, NOTHING
+        if found[k] < 0:
+            continue
+        i, dx, dy, t = np.uint32(found[k]), rays[0, k], rays[1, k], depth[k]
+        x = to_part[i, 0, 0] * dx + to_part[i, 0, 1] * dy + to_part[i, 0, 2]
+        y = to_part[i, 1, 0] * dx + to_part[i, 1, 1] * dy + to_part[i, 1, 2]
+        z = to_part[i, 2, 0] * dx + to_part[i, 2, 1] * dy + to_part[i, 2, 2]
+        hx, hy, hz = origin[i, 0] + t * x, origin[i, 1] + t * y, origin[i, 2] + t * z
+        a, b, c = halves[i, 0], halves[i, 1], halves[i, 2]
+        nx, ny, nz, u, v, face = _surface_point(shapes[i], hx, hy, hz, a, b, c)
+        scale = _1 / math.sqrt(nx * nx + ny * ny + nz * nz)
+        lambert = scale * (nx * to_light[i, 0] + ny * to_light[i, 1] + nz * to_light[i, 2])
+        lambert = -lambert if insides[i] != 0 else lambert
+        ex, ey, ez = x * a, y * b, z * c
+        cosine = scale * abs(nx * ex + ny * ey + nz * ez) / math.sqrt(ex * ex + ey * ey + ez * ez)
+        per_m = _1 / periods[i]
+        footprint = t * pixel * f32(TEXTURE) * per_m / math.sqrt(max(cosine, _GRAZING))
+        u, v = u * per_m + shifts[i, 0], v * per_m + shifts[i, 1]
+        pattern = _pattern(texels, offsets, textures[i], footprint, u, v)
+        dark, bright = reflectances[i, 0], reflectances[i, 1]
+        lit = ambient + (_1 - ambient) * (_HALF + _HALF * lambert)
+        irradiance[k], tags[k] = (dark + (bright - dark) * pattern) * lit, i32(i) * 8 + face
