@@ -27,10 +27,10 @@ def fake_network(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def camera() -> Camera:
-    return Camera(24, 25, 15.5, 11.5, *SENSOR)
+    return Camera(24.0, 25.0, 15.5, 11.5, *SENSOR)
 
 
-def two_discs(*, seconds: float = 0.5, seed: int = 0, per_slice: int = 800) -> Events:
+def two_discs(*, seconds: float = 0.5, seed: int = 0, per_slice: int = 300) -> Events:
     """A disc of ON events that moves right, one of OFF events that moves left below it, over START_US and later."""
     rng = np.random.default_rng(seed)
     count = int(per_slice * seconds * 40)

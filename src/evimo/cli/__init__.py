@@ -26,7 +26,8 @@ WRONG_INPUT, INTERRUPTED = 2, 130
 
 def app() -> App:
     """The parser of all commands."""
-    parser = App(name="evimo", help="Moving objects, depth and motion from an event camera.", version=_version)
+    about = "Moving objects, depth and motion from an event camera."
+    parser = App(name="evimo", help=about, version=_version, suppress_keyboard_interrupt=False)
     for name, summary in COMMANDS.items():
         parser.command(f"evimo.cli.{name}:{name}", name=name, help=summary)
     return parser

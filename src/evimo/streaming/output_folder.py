@@ -3,6 +3,7 @@
 import os
 import shutil
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -22,6 +23,7 @@ class OutputFolder:
             BadInput: it cannot be made or written.
         """
         self.folder = Path(folder)
+        self._made = [path for path in (self.folder, *self.folder.parents) if not path.exists()]
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._partial = Path(tempfile.mkdtemp(prefix=".partial-", dir=self.folder))
@@ -35,6 +37,9 @@ class OutputFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         shutil.rmtree(self._partial, ignore_errors=True)
+        for made in self._made:
+            with suppress(OSError):  # not empty
+                made.rmdir()
 
     def path(self, name: str) -> Path:
         """Where to write the new file `name` until it is complete."""

@@ -80,12 +80,12 @@ def _write_all(run: Run, folder: OutputFolder, wanted: Wanted, control: Control)
     outputs = Outputs(folder, run, dense=wanted.dense, video_speed=wanted.video_speed)
     with closing(outputs), closing(run.slices()) as slices:
         for estimate, events in slices:
+            if control.stopped:
+                break
             first_s = first_s if count else time.perf_counter()
             outputs.write(estimate, events)
             count += 1
             control.finished_slice()
-            if control.stopped:
-                break
     return Course(
         slices=count,
         startup_s=first_s - started_s,

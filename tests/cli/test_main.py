@@ -1,0 +1,106 @@
+import subprocess
+import sys
+import warnings
+
+import pytest
+
+from evimo import cli
+from evimo.cli import COMMANDS, main
+from evimo.errors import BadFile, EvimoWarning
+
+
+@pytest.fixture
+def command(monkeypatch):
+    """Puts a function in the place of `evimo info`."""
+    import evimo.cli.info
+
+    def put(function):
+        monkeypatch.setattr(evimo.cli.info, "info", function)
+
+    return put
+
+
+def test_help_lists_every_command_and_loads_nothing_heavy():
+    code = (
+        "import sys; from evimo.cli import main; code = main(['--help']); "
+        "print(sorted({'numpy', 'torch', 'cv2', 'onnxruntime'} & set(sys.modules)), code)"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert said.endswith("[] 0\n")
+    assert all(f" {name} " in said for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name, capsys):
+    assert main([name, "--help"]) == 0
+    assert f"evimo {name}" in capsys.readouterr().out
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip()[0].isdigit()
+
+
+@pytest.mark.parametrize("arguments", [["walk"], ["run"], ["run", "x", "--start", "soon"], ["run", "x", "--fast"]])
+def test_wrong_arguments_are_exit_code_2(arguments, capsys):
+    assert main(arguments) == 2
+    assert "Traceback" not in "".join(capsys.readouterr())
+
+
+def test_our_errors_are_two_lines_and_exit_code_2(command, capsys):
+    def fail() -> None:
+        raise BadFile("x is empty", fix="another file")
+
+    command(fail)
+    assert main(["info"]) == 2
+    assert capsys.readouterr().err == "error: x is empty\n  try: another file\n"
+
+
+def test_a_bug_keeps_its_traceback(command):
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    command(fail)
+    with pytest.raises(ZeroDivisionError):
+        main(["info"])
+
+
+def test_ctrl_c_is_exit_code_130(command, capsys):
+    def fail() -> None:
+        raise KeyboardInterrupt
+
+    command(fail)
+    assert main(["info"]) == 130
+    assert capsys.readouterr().err.startswith("interrupted")
+
+
+def test_our_warnings_are_one_line_each_and_come_once(command, capsys):
+    def warn() -> None:
+        for text in ("a guess", "a guess", "another"):
+            warnings.warn(text, EvimoWarning, stacklevel=2)
+
+    command(warn)
+    assert main(["info"]) == 0
+    assert capsys.readouterr().err == "warning: a guess\nwarning: another\n"
+
+
+def test_warnings_of_others_look_as_ever(command):
+    def warn() -> None:
+        warnings.warn("old", FutureWarning, stacklevel=2)
+
+    command(warn)
+    with pytest.warns(FutureWarning, match="old"):
+        main(["info"])
+
+
+def test_a_command_may_return_its_exit_code(command):
+    def three() -> int:
+        return 3
+
+    command(three)
+    assert main(["info"]) == 3
+
+
+def test_modules_are_run_too():
+    said = subprocess.run([sys.executable, "-m", "evimo.cli", "--version"], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == cli.version("evimo")

@@ -1,0 +1,151 @@
+import threading
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evimo.errors import BadInput, EvimoWarning
+from evimo.events.io.event_file import CameraHint
+from evimo.geometry.camera import Camera
+from evimo.streaming.inference import Network
+from evimo.streaming.pipeline import Run, run
+
+
+def maps_of(estimate):
+    return estimate.moving_probability, estimate.ids, estimate.rel_depth, estimate.flow, estimate.ego
+
+
+def assert_same(one, other):
+    assert (one.t_us, one.start_us, one.stop_us) == (other.t_us, other.start_us, other.stop_us)
+    for left, right in zip(maps_of(one), maps_of(other), strict=True):
+        np.testing.assert_array_equal(left, right)
+    assert [(x.id, x.box, x.area_px) for x in one.objects] == [(x.id, x.box, x.area_px) for x in other.objects]
+
+
+@pytest.fixture
+def whole(discs, recorded, fake_network, camera):
+    return list(run(recorded(discs), model=fake_network, camera=camera))
+
+
+def test_every_complete_slice_gives_one_estimate_on_the_grid_of_the_recording(whole, discs):
+    first, last = int(discs.t[0]) // 25_000, (int(discs.t[-1]) + 1) // 25_000
+    assert [estimate.start_us for estimate in whole] == [25_000 * k for k in range(first, last)]
+    assert all(estimate.stop_us - estimate.start_us == 25_000 for estimate in whole)
+    assert all(estimate.t_us == estimate.start_us + 12_500 for estimate in whole)
+
+
+def test_two_discs_are_two_objects_all_along(whole):
+    for estimate in whole[1:]:
+        upper, lower = sorted(estimate.objects, key=lambda one: one.centroid[1])
+        assert upper.rel_velocity[0] > 0 > lower.rel_velocity[0]  # the fake network says: ON moves right
+        assert (upper.id, lower.id) == tuple(
+            one.id for one in sorted(whole[1].objects, key=lambda one: one.centroid[1])
+        )
+    assert len({one.id for estimate in whole for one in estimate.objects}) == 2
+
+
+def test_intrinsics_reach_the_network(whole, camera):
+    np.testing.assert_allclose(whole[0].ego, (camera.fx, camera.fy, camera.cx, camera.cy, 5, 6), rtol=1e-6)
+
+
+@pytest.mark.parametrize("every", [1, 7, 500, 4000])
+def test_results_do_not_depend_on_packets(whole, discs, recorded, fake_network, camera, every):
+    cuts = range(every, len(discs), every)
+    again = list(run(recorded(discs, cuts=cuts), model=fake_network, camera=camera))
+    assert len(again) == len(whole)
+    for one, other in zip(again, whole, strict=True):
+        assert_same(one, other)
+
+
+@pytest.mark.parametrize(("start_s", "stop_s"), [(0.1, None), (0.137, 0.3), (0.0, 0.26), (0.26, 0.41)])
+def test_a_span_gives_the_estimates_of_the_whole(whole, discs, recorded, fake_network, camera, start_s, stop_s):
+    """Its grid does not move, and the neighbours of its first and last slice are read: rel_depth depends on them."""
+    part = list(run(recorded(discs), model=fake_network, camera=camera, start_s=start_s, stop_s=stop_s))
+    start_us = int(discs.t[0]) + round(start_s * 1e6)
+    stop_us = int(discs.t[-1]) + 1 if stop_s is None else int(discs.t[0]) + round(stop_s * 1e6)
+    expected = [one for one in whole if one.stop_us > start_us and one.stop_us <= stop_us]
+    assert len(part) == len(expected) > 2
+    for one, other in zip(part, expected, strict=True):
+        assert one.start_us == other.start_us
+        np.testing.assert_array_equal(one.rel_depth, other.rel_depth)
+        np.testing.assert_array_equal(one.moving_probability, other.moving_probability)
+
+
+def test_a_span_that_begins_in_silence_keeps_its_empty_slices(discs, recorded, fake_network, camera):
+    quiet = (discs.t < discs.t[0] + 100_000) | (discs.t > discs.t[0] + 300_000)
+    gappy = replace(discs, x=discs.x[quiet], y=discs.y[quiet], t=discs.t[quiet], p=discs.p[quiet])
+    part = list(run(recorded(gappy), model=fake_network, camera=camera, start_s=0.15, stop_s=0.4))
+    assert np.diff([one.start_us for one in part]).tolist() == [25_000] * (len(part) - 1)
+    assert part[0].start_us == (int(discs.t[0]) + 150_000) // 25_000 * 25_000
+    assert not part[0].objects
+
+
+def test_the_camera_of_the_recording_is_used_else_a_guess_with_a_warning(discs, recorded, fake_network):
+    events = recorded(discs)
+    with pytest.warns(EvimoWarning, match="no calibration"):
+        guessed = next(iter(run(events, model=fake_network)))
+    assert guessed.ego[0] == pytest.approx(0.75 * 32)
+    events.camera_hint = CameraHint(fx=20.0, fy=21.0, cx=15.0, cy=12.0, height=24, width=32, source="K")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        prepared = Run(events, Network(fake_network))
+    assert prepared.camera_source == "the recording: K"
+    assert next(prepared.slices())[0].ego[0] == pytest.approx(20)
+
+
+def test_invalid_pixels_are_one_warning_and_their_events_are_counted(discs, recorded, fake_network):
+    lens = Camera(12.0, 12.0, 15.5, 11.5, 24, 32, distortion=(-0.5, 0.1, 0.0, 0.0))
+    with pytest.warns(EvimoWarning) as caught:
+        prepared = Run(recorded(discs), Network(fake_network), camera=lens)
+        estimates = [estimate for estimate, _ in prepared.slices()]
+    assert len(caught) == 1
+    assert not estimates[0].valid.all()
+    assert prepared.stacks.dropped > 0
+
+
+def test_the_calibration_must_fit_the_sensor(discs, recorded, fake_network):
+    with pytest.raises(BadInput, match="346x260 sensor, the recording of 32x24"):
+        run(recorded(discs), model=fake_network, camera=Camera(200.0, 200.0, 170.0, 130.0, 260, 346))
+
+
+def test_each_slice_comes_with_its_events(discs, recorded, fake_network, camera):
+    for estimate, events in Run(recorded(discs), Network(fake_network), camera=camera).slices():
+        expected = discs.between(estimate.start_us, estimate.stop_us)
+        np.testing.assert_array_equal(events.t, expected.t)
+        np.testing.assert_array_equal(events.x, expected.x)
+
+
+def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
+    prepared = Run(recorded(discs), Network(fake_network), camera=camera)
+    count = len(list(prepared.slices()))
+    assert set(prepared.stopwatch.mean_ms(count)) == {"reading", "slicing", "frames", "networks", "objects"}
+
+
+def test_a_reader_that_fails_does_so_here_after_the_slices_before(discs, recorded, fake_network, camera):
+    events = recorded(discs, cuts=[3000])
+    read = events.read
+
+    def broken(start_us):
+        yield next(read(start_us))
+        raise OSError("the cable was pulled")
+
+    events.read = broken
+    seen = []
+    with pytest.raises(OSError, match="cable"):
+        seen.extend(run(events, model=fake_network, camera=camera))
+    assert seen
+
+
+def test_stopping_early_ends_the_threads(discs, recorded, fake_network, camera):
+    before = threading.active_count()
+    estimates = run(recorded(discs), model=fake_network, camera=camera)
+    next(estimates)
+    estimates.close()
+    assert threading.active_count() == before
+
+
+def test_estimates_may_be_kept(whole):
+    """Buffers are reused inside; what is handed out is not."""
+    assert not np.array_equal(whole[2].moving_probability, whole[-1].moving_probability)
+    assert len({id(estimate.rel_depth) for estimate in whole}) == len(whole)

@@ -1,0 +1,121 @@
+import json
+
+import av
+import h5py
+import numpy as np
+import pytest
+
+from evimo.streaming.inference import Network
+from evimo.streaming.pipeline import Run
+from evimo.streaming.saving import Control, Wanted, save_run
+
+ALL = {"egomotion.csv", "objects.csv", "summary.json", "estimates.h5", "video.mp4"}
+
+
+@pytest.fixture
+def prepared(discs, recorded, fake_network, camera):
+    return lambda: Run(recorded(discs), Network(fake_network), camera=camera)
+
+
+def images_in(path) -> int:
+    with av.open(str(path)) as container:
+        return sum(1 for _ in container.decode(video=0))
+
+
+def rows_in(path) -> list[str]:
+    return path.read_text().splitlines()[1:]
+
+
+def test_all_outputs_speak_of_the_same_slices(prepared, tmp_path):
+    run = prepared()
+    saved = save_run(run, tmp_path, Wanted(dense=True, video_speed=0.25), settings={"start_s": 0.0})
+    assert {path.name for path in saved.files} == {path.name for path in tmp_path.iterdir()} == ALL
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    count = summary["slices"]
+    assert count == len(run.span) == 20
+    assert summary == json.loads(json.dumps(saved.summary))
+    assert images_in(tmp_path / "video.mp4") == count
+    ego, objects = rows_in(tmp_path / "egomotion.csv"), rows_in(tmp_path / "objects.csv")
+    with h5py.File(tmp_path / "estimates.h5") as maps:
+        assert maps["t_us"][:].tolist() == [int(row.split(",")[0]) for row in ego]
+        times, ids = maps["t_us"][:].tolist(), maps["ids"][:]
+    in_maps = {
+        (t_us, int(number)): int(count)
+        for t_us, image in zip(times, ids, strict=True)
+        for number, count in zip(*np.unique(image[image > 0], return_counts=True), strict=True)
+    }
+    in_table = {(int(row[0]), int(row[1])): int(row[6]) for row in (line.split(",") for line in objects)}
+    assert in_table == in_maps
+
+
+def test_the_summary_says_what_was_done(prepared, tmp_path):
+    run = prepared()
+    control = Control(warnings=["mind the gap"])
+    save_run(run, tmp_path, Wanted(dense=False, video_speed=None), settings={"start_s": 0.0}, control=control)
+    assert {path.name for path in tmp_path.iterdir()} == ALL - {"estimates.h5", "video.mp4"}
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["model"]["sha256"] == run.network.sha256
+    assert summary["model"]["config"] == {"hidden": 8}
+    assert summary["settings"] == {"dense": False, "video_speed": None, "start_s": 0.0}
+    assert summary["camera"]["fx"] == 24
+    assert summary["camera"]["source"] == "given"
+    assert summary["invalid_pixels"] == 0
+    assert summary["dropped_events"] == {"without_place_in_image": 0, "late": 0, "off_sensor": 0}
+    assert summary["warnings"] == ["mind the gap"]
+    assert summary["objects_seen"] == 2
+    assert summary["slices_per_s"] > 0
+    assert {"reading", "frames", "networks", "objects", "tables"} <= set(summary["stages_ms"])
+    assert summary["interrupted"] is False
+    assert {"evimo", "onnxruntime", "python"} <= set(summary["versions"])
+
+
+def test_a_fast_video_leaves_out_slices_and_keeps_its_speed(prepared, tmp_path):
+    save_run(prepared(), tmp_path, Wanted(dense=False, video_speed=4.0))
+    with av.open(str(tmp_path / "video.mp4")) as container:
+        fps = container.streams.video[0].average_rate
+    images = images_in(tmp_path / "video.mp4")
+    assert fps <= 60
+    assert images / fps == pytest.approx(0.5 / 4, rel=0.1)
+
+
+class StopAfter(Control):
+    def __init__(self, slices: int) -> None:
+        super().__init__()
+        self.left = slices
+
+    def finished_slice(self) -> None:
+        self.left -= 1
+        self.stopped = self.left <= 0
+
+
+def test_a_stopped_run_is_complete_up_to_there(prepared, tmp_path):
+    saved = save_run(prepared(), tmp_path, Wanted(dense=True, video_speed=0.25), control=StopAfter(7))
+    assert {path.name for path in tmp_path.iterdir()} == ALL
+    assert saved.summary["interrupted"] is True
+    assert saved.summary["slices"] == len(rows_in(tmp_path / "egomotion.csv")) == images_in(tmp_path / "video.mp4") == 7
+    with h5py.File(tmp_path / "estimates.h5") as maps:
+        assert len(maps["t_us"]) == len(maps["ids"]) == 7
+
+
+def test_stopped_before_the_first_slice_leaves_nothing(prepared, tmp_path):
+    control = Control()
+    control.stopped = True
+    run = prepared()
+    assert save_run(run, tmp_path / "out", Wanted(dense=True, video_speed=None), control=control) is None
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_failure_keeps_the_old_outputs(prepared, tmp_path):
+    save_run(prepared(), tmp_path, Wanted(dense=False, video_speed=None))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    run = prepared()
+    read = run.events.read
+
+    def broken(start_us):
+        yield next(read(start_us)).part(0, 3000)
+        raise OSError("the cable was pulled")
+
+    run.events.read = broken
+    with pytest.raises(OSError, match="cable"):
+        save_run(run, tmp_path, Wanted(dense=True, video_speed=0.25))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
