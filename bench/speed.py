@@ -45,7 +45,8 @@ def evimo(*arguments: str | Path) -> float:
     start = time.perf_counter()
     done = subprocess.run([sys.executable, "-m", "evimo.cli", *map(str, arguments)], capture_output=True, text=True)
     if done.returncode:
-        raise Skipped(f"evimo {arguments[0]} failed: {done.stderr.strip().splitlines()[-1:]}")
+        reason = " ".join(done.stderr.split()[-40:])
+        raise Skipped(f"evimo {arguments[0]} failed: {reason}")
     return time.perf_counter() - start
 
 
