@@ -51,4 +51,4 @@ def pixel_twist(
         mixture: weights that sum to 1 over the channels; channel 0 is the background.
     """
     translation = pixel_residual(residual, mixture)
-    return ego[..., None, None] + torch.cat((translation, torch.zeros_like(translation)), dim=-3)
+    return ego[..., None, None] + torch.cat((translation, translation * 0), dim=-3)

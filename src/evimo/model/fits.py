@@ -13,10 +13,12 @@ def solved(matrix: Float[Tensor, "*b N N"], right: Float[Tensor, "*b N"]) -> Flo
     """Solution of a symmetric positive definite system by Gauss-Jordan; ONNX has no solver. No pivots are needed."""
     rows = torch.cat((matrix, right[..., None]), dim=-1)
     size = matrix.shape[-1]
+    off = 1 - torch.eye(size, device=matrix.device, dtype=matrix.dtype)[..., None]  # all rows but the pivot's
     for k in range(size):
         pivot = rows[..., k : k + 1, :] / rows[..., k : k + 1, k : k + 1]
-        keep = torch.arange(size, device=matrix.device)[:, None] != k
-        rows = torch.where(keep, rows - rows[..., :, k : k + 1] * pivot, pivot)
+        rows = torch.cat((rows[..., :k, :], pivot, rows[..., k + 1 :, :]), dim=-2) - off[k] * (
+            rows[..., :, k : k + 1] * pivot
+        )
     return rows[..., -1]
 
 
@@ -24,7 +26,7 @@ def flow_per_twist(inv_depth: Float[Tensor, "B 1 H W"], grid: Float[Tensor, "B 2
     """The matrix A of equation 1: flow of each pixel for a unit of each component of the twist."""
     x, y = grid.unbind(1)
     inv_z = inv_depth[:, 0]
-    zero = torch.zeros_like(x)
+    zero = x * 0  # zeros_like would freeze the size in an exported graph
     u = torch.stack((-inv_z, zero, inv_z * x, x * y, -(1 + x * x), y), dim=1)
     v = torch.stack((zero, -inv_z, inv_z * y, 1 + y * y, -x * y, -x), dim=1)
     return torch.stack((u, v), dim=2)

@@ -62,9 +62,8 @@ class MotionNet(nn.Module):
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.config = config
-        where = 1 + 2 * config.coordinates
-        self.depth_net = DepthNet(config, 3 + where)
-        self.pose_net = PoseNet(config, 3 * config.slices + where)
+        self.depth_net = DepthNet(config, 3 + 1 + 2 * config.coordinates)
+        self.pose_net = PoseNet(config, 3 * config.slices + 1)
 
     def forward(
         self,
@@ -90,16 +89,13 @@ class MotionNet(nn.Module):
         intrinsics: Float[Tensor, "B 4"],
     ) -> list[Prediction]:
         """As `forward`, of images whose sides are multiples of the configuration's stride."""
-        counts = torch.log1p(frames[:, :, :2])
-        times = (frames[:, :, 2:] - 0.5) * (counts.sum(2, keepdim=True) > 0)
-        seen = torch.cat((counts, times), dim=2)
-        where = [valid]
+        counts, times, seen = self._at_half_size(frames, valid)
+        middle, directions = self.config.slices // 2, [seen]
         if self.config.coordinates:
-            where.append(normalised_grid(intrinsics, valid))
-        depth = self.depth_net(torch.cat([seen[:, frames.shape[1] // 2], *where], dim=1))
+            directions.append(normalised_grid(resized_intrinsics(intrinsics, (2, 2), (1, 1)), seen))
+        depth = self.depth_net(torch.cat((counts[:, middle], times[:, middle : middle + 1], *directions), dim=1))
         depth, scales = self._geometry(depth, valid, intrinsics)
-        half = reduced(frames[:, :, :2].flatten(1, 2), 2).log1p().unflatten(1, (frames.shape[1], 2))
-        answers = self.pose_net(torch.cat([seen.flatten(1, 2), *where], dim=1), half, scales)
+        answers = self.pose_net(torch.cat((counts.flatten(1, 2), times, seen), dim=1), counts, scales)
         per_second = SLICES_PER_S
         return [
             Prediction(
@@ -113,6 +109,14 @@ class MotionNet(nn.Module):
             )
             for rel_depth, answer, scale, step in zip(depth, answers, scales, self.config.steps, strict=True)
         ]
+
+    def _at_half_size(self, frames: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Log counts (B, N, 2, h, w), mean times about the slice's centre (B, N, h, w), and `valid`, at half size."""
+        slices = self.config.slices
+        occupied = frames[:, :, :2].sum(2).clamp(max=1)
+        times = reduced(frames[:, :, 2] - 0.5 * occupied, 2)
+        counts = reduced(frames[:, :, :2].flatten(1, 2), 2).log1p()
+        return counts.unflatten(1, (slices, 2)), times, reduced(valid, 2)
 
     def _geometry(
         self, log_depth: list[Tensor], valid: Tensor, intrinsics: Tensor

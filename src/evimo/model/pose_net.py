@@ -1,8 +1,8 @@
-"""The pose network: five slices in; per scale the flow it sees, the egomotion that explains it, and the mixture.
+"""The pose network: five slices in; per scale the flow it sees, the egomotion behind it, and the mixture.
 
-Encoder and decoder are the paper's. Where the paper regresses poses from pooled features, here each decoding layer blends
-local motion candidates (`evidence`) into a flow, fits the egomotion to it (`fits`), and shows the mixture head what does
-not fit.
+Encoder and decoder are the paper's. Where the paper regresses poses from pooled features, here each decoding layer
+blends local motion candidates (`evidence`) into a flow, fits the egomotion to it (`fits`), and shows the mixture head
+what does not fit.
 """
 
 from typing import NamedTuple
@@ -11,12 +11,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from evimo.model.backbone import Encoder, before_convolution, convolved, decoding_layers, enlarged, reduced
+from evimo.model.backbone import Encoder, before_convolution, convolved, decoding_layers, enlarged, reduced, shares
 from evimo.model.evidence import CANDIDATES, TRUSTS, Evidence, evidence
 from evimo.model.fits import fitted, flow_per_twist, mismatch
 from evimo.model.presets import ModelConfig
 
-_CUES = 8 + TRUSTS  # channels a mixture head sees beside the features: `cues`, confidence, trust
+_TRUSTED = [0, 1, 5, 8]  # of the evidence's trust: contrast, spread, what still changes after either warp
+_CUES = 7 + 1 + len(_TRUSTED)  # channels a mixture head sees beside features and logits
 
 
 class Scale(NamedTuple):
@@ -49,6 +50,14 @@ class Geometry(NamedTuple):
     valid: Tensor
 
 
+class Coarser(NamedTuple):
+    """What a coarser scale said: flow and mixture logits, enlarged to the scale at hand, and egomotion."""
+
+    flow: Tensor
+    logits: Tensor
+    ego: Tensor
+
+
 class Fitting(NamedTuple):
     """Where twists are fitted: a grid no finer than that of the evidence, for its speed.
 
@@ -77,15 +86,31 @@ def rigid_flow(ego: Tensor, geometry: Geometry) -> Float[Tensor, "B 2 H W"]:
 
 
 def explained(
-    flow: Float[Tensor, "B 2 H W"], weight: Float[Tensor, "B 3 H W"], geometry: Geometry, prior: Tensor
+    flow: Float[Tensor, "B 2 H W"],
+    weight: Float[Tensor, "B 3 H W"],
+    geometry: Geometry,
+    prior: Tensor,
+    guess: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
-    """Egomotion (B, 6) per slice that explains most of the flow, and the mean square (B, 1, 1, 1) of what it leaves."""
+    """Egomotion that explains most of the flow.
+
+    Args:
+        flow: px of half the image per slice.
+        weight: trust by direction.
+        geometry: of the flow's grid.
+        prior: of the twist, see `fitted`.
+        guess: a good egomotion to start from; without one, plain least squares.
+
+    Returns:
+        ego (B, 6) per slice, and the mean square (B, 1, 1, 1), px, of what the guess before it left.
+    """
     basis = flow_per_twist(geometry.inv_depth, geometry.grid)
     on_plane = flow / geometry.focal_px
+    rounds = 1 if guess is not None else 2
+    ego = fitted(basis, on_plane, weight[:, None], prior)[:, 0] if guess is None else guess
     trusted = weight
     square = flow[:, :1, :1, :1]
-    ego = fitted(basis, on_plane, trusted[:, None], prior)[:, 0]
-    for _ in range(3):  # Cauchy's weights: what moves by itself loses its say
+    for _ in range(rounds):  # Cauchy's weights: what moves by itself loses its say
         error = (on_plane - torch.einsum("bn,bnchw->bchw", ego, basis)) * geometry.focal_px
         total = (trusted[:, :1] + trusted[:, 2:]).sum((1, 2, 3), keepdim=True) + 1e-3
         square = mismatch(error, trusted).sum((1, 2, 3), keepdim=True) / total + 0.0025
@@ -104,11 +129,12 @@ def cues(flow: Tensor, error: Tensor, square: Tensor) -> Float[Tensor, "B 7 H W"
 class PoseScale(nn.Module):
     """One scale: flow, egomotion, mixture; each refines what the coarser scale said."""
 
-    def __init__(self, channels: int, config: ModelConfig, *, first: bool) -> None:
+    def __init__(self, channels: int, config: ModelConfig) -> None:
         super().__init__()
-        width = config.hidden + config.growth // 2
+        width = config.hidden + config.growth
+        self.channels = config.objects + 1
         self.flow_head = before_convolution(channels, CANDIDATES + 1 + 2 + 1)
-        self.mask_features = nn.Conv2d(channels + _CUES + (0 if first else config.objects + 1), width, 3, padding=1)
+        self.mask_features = nn.Conv2d(channels + _CUES + config.objects + 1, width, 3, padding=1)
         self.mask_head = nn.Conv2d(width, config.objects + 1, 3, padding=1)
         # What keeps translation and rotation apart where the flow cannot: log(1 / variance) of each, per slice.
         self.prior = nn.Parameter(torch.tensor([-3.5, -5.8]))
@@ -118,29 +144,24 @@ class PoseScale(nn.Module):
         blend, residue, confidence = self.flow_head(features).split((CANDIDATES + 1, 2, 1), dim=1)
         candidates = torch.cat((motion, before[:, None]), dim=1)
         speed = soft(motion[:, 1], 8.0).square().mean((1, 2, 3), keepdim=True).sqrt()  # normalised features know none
-        flow = (blend.softmax(1)[:, :, None] * candidates).sum(1) + residue * (speed + 0.1)
+        flow = (shares(blend)[:, :, None] * candidates).sum(1) + residue * (speed + 0.1)
         return flow, torch.sigmoid(confidence)
 
     def forward(
-        self,
-        features: Tensor,
-        found: Evidence,
-        fitting: Fitting,
-        geometry: Geometry,
-        before: tuple[Tensor, Tensor] | None,
+        self, features: Tensor, found: Evidence, fitting: Fitting, geometry: Geometry, before: Coarser | None
     ) -> tuple[Scale, Tensor]:
-        """The scale's answer and its mixture logits; `before` is (flow, logits) of the coarser scale, enlarged."""
-        flow, confidence = self.seen(features, found.motion, found.motion[:, 1] if before is None else before[0])
+        """The scale's answer and its mixture logits; `before` is what the coarser scale said, enlarged."""
+        flow, confidence = self.seen(features, found.motion, found.motion[:, 1] if before is None else before.flow)
         sure = fitting.across * fitting.down(confidence * geometry.valid)
-        still = sure if before is None else sure * fitting.down(before[1].softmax(1)[:, :1].detach())
+        still = sure if before is None else sure * fitting.down(shares(before.logits)[:, :1].detach())
         prior = self.prior.exp().repeat_interleave(3)
-        ego, square = explained(fitting.down(flow), still, fitting.geometry, prior)
+        guess = None if before is None else before.ego
+        ego, square = explained(fitting.down(flow), still, fitting.geometry, prior, guess)
         error = flow - rigid_flow(ego, geometry)
-        seen = [features, cues(flow, error, square), confidence, found.trust]
-        logits = self.mask_features(torch.cat(seen if before is None else [*seen, before[1]], dim=1))
-        logits = self.mask_head(torch.relu(logits))
-        logits = logits if before is None else logits + before[1]
-        mixture = logits.softmax(1)
+        logits = features[:, : self.channels] * 0 if before is None else before.logits
+        seen = (features, cues(flow, error, square), confidence, found.trust[:, _TRUSTED], logits)
+        logits = logits + self.mask_head(torch.relu(self.mask_features(torch.cat(seen, dim=1))))
+        mixture = shares(logits)
         basis = flow_per_twist(fitting.geometry.inv_depth, fitting.geometry.grid)[:, :3]
         theirs = fitting.down(mixture[:, 1:])[:, :, None] * sure[:, None]
         residual = fitted(basis, fitting.down(error) / geometry.focal_px, theirs, prior[:3])
@@ -155,25 +176,25 @@ class PoseNet(nn.Module):
         hidden, growth, layers, scale = config.hidden, config.growth, config.layers, config.scale
         self.scale, self.reduction = scale, config.evidence_reduction
         self.encoder = Encoder(channels, hidden=hidden, growth=growth, layers=layers, scale=scale)
-        self.beside = convolved(2 * CANDIDATES + TRUSTS, hidden, size=1)
+        self.beside = convolved(2 * CANDIDATES + TRUSTS + 2 * config.coordinates, hidden, size=1)
+        self.coordinates = config.coordinates
         self.decoder = decoding_layers(hidden=hidden, growth=growth, layers=layers, scale=scale)
-        self.scales = nn.ModuleList(
-            PoseScale(hidden + k * growth, config, first=k == layers - 1) for k in reversed(range(layers))
-        )
+        self.scales = nn.ModuleList(PoseScale(hidden + k * growth, config) for k in reversed(range(layers)))
 
     def forward(self, image: Tensor, counts: Tensor, geometry: list[Geometry]) -> list[Scale]:
         """From the coarsest to the finest scale.
 
         Args:
-            image: (B, C, H, W) all input channels.
-            counts: (B, N, 2, H/2, W/2) log counts.
+            image: (B, C, h, w) all input channels, at half the image's size.
+            counts: (B, N, 2, h, w) its log counts.
             geometry: of each scale, in the same order.
         """
         found = evidence(counts, self.reduction)
-        beside = self.beside(torch.cat((soft(found.motion).flatten(1, 2), found.trust), dim=1))
-        *skips, features = self.encoder(image, enlarged(beside, self.reduction))
         steps = [self.scale**k for k in reversed(range(len(self.scales)))]  # of each scale, against half the image
         at_evidence = geometry[steps.index(self.reduction)]
+        local = [soft(found.motion).flatten(1, 2), found.trust, *([at_evidence.grid] if self.coordinates else [])]
+        beside = self.beside(torch.cat(local, dim=1))
+        *skips, features = self.encoder(image, enlarged(beside, self.reduction))
         before, answers = None, []
         for layer, head, skip, step, here in zip(
             self.decoder, self.scales, reversed(skips), steps, geometry, strict=True
@@ -184,7 +205,7 @@ class PoseNet(nn.Module):
             fitting = Fitting(finer, found.across, at_evidence) if finer > 1 else Fitting(1, local.across, here)
             answer, logits = head(features, local, fitting, here, before)
             answers.append(answer)
-            before = (enlarged(answer.flow, self.scale), enlarged(logits, self.scale))
+            before = Coarser(enlarged(answer.flow, self.scale), enlarged(logits, self.scale), answer.ego)
         return answers
 
 
