@@ -20,7 +20,12 @@ def packet(times, x=0, y=0):
 
 def recording(*packets, start=0, stop=100):
     return EventFile(
-        path=Path("made.up"), format="made up", sensor=(48, 64), start_us=start, stop_us=stop, read=lambda _: iter(packets)
+        path=Path("made.up"),
+        format="made up",
+        sensor=(48, 64),
+        start_us=start,
+        stop_us=stop,
+        read=lambda _: iter(packets),
     )
 
 
@@ -40,9 +45,7 @@ def test_reading_stops_with_the_span():
         for at in range(10**9):
             yield packet([at])
 
-    made = EventFile(
-        path=Path("x"), format="x", sensor=(48, 64), start_us=0, stop_us=10**9, read=lambda _: endless()
-    )
+    made = EventFile(path=Path("x"), format="x", sensor=(48, 64), start_us=0, stop_us=10**9, read=lambda _: endless())
     assert len(list(made.packets(0, 5))) == 5
 
 

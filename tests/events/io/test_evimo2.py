@@ -66,7 +66,7 @@ def test_without_maps_the_sensor_is_assumed(folder):
 def test_an_array_that_was_cut_short_is_used_with_a_warning(folder, events, rows, name):
     path = folder / f"dataset_events_{name}.npy"
     whole = path.read_bytes()
-    path.write_bytes(whole[: 128 + (len(whole) - 128) // 2 + 1])
+    path.write_bytes(whole[: 128 + (len(whole) - 128) // 2])
     with pytest.warns(EvimoWarning, match="the first 500 events are used"):
         assert rows(open_events(folder)) == rows([events.part(0, 500)])
 

@@ -23,7 +23,10 @@ def test_survey_knows_span_count_and_extent():
     assert survey.places == ["a", "c"]
 
 
-@given(blocks=st.lists(st.lists(st.integers(0, 50), min_size=1, max_size=5), min_size=1, max_size=8), start=st.integers(-5, 60))
+@given(
+    blocks=st.lists(st.lists(st.integers(0, 50), min_size=1, max_size=5), min_size=1, max_size=8),
+    start=st.integers(-5, 60),
+)
 def test_no_event_at_or_after_the_start_lies_before_the_place(blocks, start):
     place = surveyed(Path("x"), list(enumerate(map(block, blocks)))).place(start)
     assert all(t < start for times in blocks[:place] for t in times)

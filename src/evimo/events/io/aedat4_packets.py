@@ -156,7 +156,9 @@ def _streams(xml: str) -> dict[int, Stream]:
     for node in ElementTree.fromstring(xml).findall("node[@name='outInfo']/node"):
         kind = node.findtext("attr[@key='typeIdentifier']") or ""
         width, height = (int(node.findtext(f"node/attr[@key='size{axis}']") or 0) for axis in "XY")
-        streams[int(node.attrib["name"])] = Stream(kind, (height, width), node.findtext("node/attr[@key='source']") or "")
+        streams[int(node.attrib["name"])] = Stream(
+            kind, (height, width), node.findtext("node/attr[@key='source']") or ""
+        )
     return streams
 
 

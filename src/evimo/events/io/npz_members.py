@@ -129,8 +129,8 @@ class _Counted:
         self._stream = stream
         self.count = 0
 
-    def read(self, size: int) -> bytes:
-        raw = self._stream.read(size)
+    def read(self, length: int = -1, /) -> bytes:
+        raw = self._stream.read(length)
         self.count += len(raw)
         return raw
 

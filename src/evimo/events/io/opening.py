@@ -21,10 +21,6 @@ def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> E
     """
     path = Path(path)
     kind = recognised(path)
-    suffix = path.suffix.lower()
-    if path.is_file() and suffix not in SUFFIXES[kind]:
-        text = f"{path.name} holds {_title(kind)} by its content: its suffix {suffix or '(none)'!r} is ignored"
-        warnings.warn(text, EvimoWarning, stacklevel=2)
     match kind:
         case "evimo_npz":
             from evimo.events.io.evimo_npz import open_evimo_npz as opened
@@ -38,7 +34,12 @@ def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> E
             from evimo.events.io.rosbag1 import open_rosbag1 as opened
         case _:
             from evimo.events.io.text import open_text as opened
-    return opened(path, sensor)
+    recording = opened(path, sensor)
+    suffix = path.suffix.lower()
+    if path.is_file() and suffix not in SUFFIXES[kind]:
+        text = f"{path.name} holds {_title(kind)} by its content: its suffix {suffix or '(none)'!r} is ignored"
+        warnings.warn(text, EvimoWarning, stacklevel=2)
+    return recording
 
 
 def _title(kind: str) -> str:

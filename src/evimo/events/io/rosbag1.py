@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events, joined
@@ -108,7 +109,8 @@ def _event_topic(bag: Bag) -> tuple[EventTopic, tuple[int, int]]:
         )
     chosen = max(found, key=bag.count)
     if others := [bag.connections[name].topic for name in found if name != chosen]:
-        text = f"{bag.path.name} has {len(found)} topics with events: {bag.connections[chosen].topic} is read, not {others}"
+        read, left = bag.connections[chosen].topic, ", ".join(others)
+        text = f"{bag.path.name} has {len(found)} topics with events: {read} is read, not {left}"
         warnings.warn(text, EvimoWarning, stacklevel=4)
     topic = EventTopic(bag, chosen, 0, 0)
     message = next(bag.messages(topic.chunks()[0], {chosen}))
@@ -143,7 +145,7 @@ def _camera(bag: Bag, events: int, size: tuple[int, int]) -> CameraHint | None:
 def _camera_info(payload: memoryview, topic: str) -> CameraHint | None:
     from rosbags.typesys import Stores, get_typestore
 
-    info = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(payload, "sensor_msgs/msg/CameraInfo")
+    info: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(payload, "sensor_msgs/msg/CameraInfo")
     fx, _, cx, _, fy, cy = (float(value) for value in info.K[:6])
     if min(fx, fy) <= 0:
         return None

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
@@ -106,16 +105,13 @@ def _blocks(path: Path, layout: Layout, place: int, tally: Tally) -> Iterator[tu
 
 
 def _parsed(raw: bytes, layout: Layout, tally: Tally) -> Events:
-    x, y, t, p, fractions, bad, first_bad = _compiled(raw, layout)
+    parsed: tuple[Any, ...] = parse_lines(np.frombuffer(raw, np.uint8), layout.columns, layout.order, layout.seconds)
+    x, y, t, p, fractions, bad, first_bad = parsed
     if bad and not tally.bad:
         tally.first_bad = raw[first_bad : first_bad + 60].split(b"\n")[0].decode(errors="replace").strip()
     tally.bad += bad
     tally.fractions += fractions
     return Events(x, y, t, p)
-
-
-def _compiled(raw: bytes, layout: Layout) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], int, int, int]:
-    return parse_lines(np.frombuffer(raw, np.uint8), layout.columns, np.array(layout.order), layout.seconds)
 
 
 def _layout(path: Path) -> Layout:

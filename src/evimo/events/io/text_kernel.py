@@ -14,7 +14,7 @@ POWERS = 10 ** np.arange(19, dtype=np.int64)
 @njit(cache=True, nogil=True, error_model="numpy")
 def is_blank(byte):
     """Whether a byte separates numbers of one line."""
-    return byte == SPACE or byte == COMMA or byte == TAB or byte == SEMICOLON or byte == RETURN
+    return byte in (SPACE, COMMA, TAB, SEMICOLON, RETURN)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -74,6 +74,35 @@ def scaled(value, exponent):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def line_numbers(raw, at, values, exponents, watched):
+    """The numbers of one line into `values` and `exponents`.
+
+    Returns how many there are (0: blank or a comment, -1: not as many as there is room for, or no numbers), whether
+    the watched one has a decimal point, and where the next line begins.
+    """
+    found, dotted = 0, False
+    while at < len(raw) and raw[at] != NEWLINE:
+        if is_blank(raw[at]):
+            at += 1
+            continue
+        if found == 0 and (raw[at] == HASH or raw[at] == PERCENT):
+            break
+        if found == len(values):
+            found = -1
+            break
+        values[found], exponents[found], point, after = number(raw, at)
+        if after < 0 or (after < len(raw) and raw[after] != NEWLINE and not is_blank(raw[after])):
+            found = -1
+            break
+        dotted = point if found == watched else dotted
+        found += 1
+        at = after
+    while at < len(raw) and raw[at] != NEWLINE:
+        at += 1
+    return found if found in (0, len(values)) else -1, dotted, at + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def parse_lines(raw, columns, order, seconds):
     """Events of whole lines with `columns` numbers each; order: the columns of t, x, y, p.
 
@@ -84,46 +113,25 @@ def parse_lines(raw, columns, order, seconds):
     x, y = np.empty(most, np.uint16), np.empty(most, np.uint16)
     t, p = np.empty(most, np.int64), np.empty(most, np.int8)
     values, exponents = np.zeros(columns, np.int64), np.zeros(columns, np.int64)
+    at_t, at_x, at_y, at_p = order
     count, fractions, bad, first_bad, at = 0, 0, 0, -1, 0
     while at < len(raw):
-        start, found, point, good = at, 0, False, True
-        while at < len(raw) and raw[at] != NEWLINE:
-            if is_blank(raw[at]):
-                at += 1
-                continue
-            if found == 0 and (raw[at] == HASH or raw[at] == PERCENT):
-                found = -1
-                break
-            if found == columns:
-                good = False
-                break
-            values[found], exponents[found], dotted, after = number(raw, at)
-            if after < 0 or (after < len(raw) and raw[after] != NEWLINE and not is_blank(raw[after])):
-                good = False
-                break
-            if found == order[0]:
-                point = dotted
-            found += 1
-            at = after
-        while at < len(raw) and raw[at] != NEWLINE:
-            at += 1
-        at += 1
-        if good and found <= 0:
+        start = at
+        found, dotted, at = line_numbers(raw, at, values, exponents, at_t)
+        if found == 0:
             continue
-        if good and found == columns:
-            fraction = point or (exponents[order[0]] < 0 and not scaled(values[order[0]], exponents[order[0]])[1])
-            column, column_whole = scaled(values[order[1]], exponents[order[1]])
-            row, row_whole = scaled(values[order[2]], exponents[order[2]])
-            sign, sign_whole = scaled(values[order[3]], exponents[order[3]])
-            good = column_whole and row_whole and sign_whole and -1 <= sign <= 1
-            if good:
-                fractions += fraction
-                t[count] = scaled(values[order[0]], exponents[order[0]] + (6 if seconds else 0))[0]
-                x[count] = column if 0 <= column < OUTSIDE else OUTSIDE
-                y[count] = row if 0 <= row < OUTSIDE else OUTSIDE
-                p[count] = 1 if sign > 0 else -1
-                count += 1
-                continue
-        bad += 1
-        first_bad = start if first_bad < 0 else first_bad
+        column, column_whole = scaled(values[at_x], exponents[at_x])
+        row, row_whole = scaled(values[at_y], exponents[at_y])
+        sign, sign_whole = scaled(values[at_p], exponents[at_p])
+        if found < 0 or not (column_whole and row_whole and sign_whole and -1 <= sign <= 1):
+            bad += 1
+            first_bad = start if first_bad < 0 else first_bad
+            continue
+        if dotted or (exponents[at_t] < 0 and not scaled(values[at_t], exponents[at_t])[1]):
+            fractions += 1
+        t[count] = scaled(values[at_t], exponents[at_t] + (6 if seconds else 0))[0]
+        x[count] = column if 0 <= column < OUTSIDE else OUTSIDE
+        y[count] = row if 0 <= row < OUTSIDE else OUTSIDE
+        p[count] = 1 if sign > 0 else -1
+        count += 1
     return x[:count], y[:count], t[:count], p[:count], fractions, bad, first_bad

@@ -1,0 +1,167 @@
+"""Speed of every reader on the same made-up events: `python bench/readers.py [millions of events]`.
+
+Prints a table of million events per second: to open (the first pass, where a format needs one) and to read all.
+Best of three by processor time of this one process, after a warm-up; files are in the page cache.
+"""
+
+import struct
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag1 import Writer
+
+from evimo.errors import EvimoWarning
+from evimo.events.events import Events
+from evimo.events.io import open_events
+
+WIDTH, HEIGHT, RATE_PER_S, REPEATS, PART = 346, 260, 2_000_000, 3, 20_000
+
+
+def made_up(count: int) -> Events:
+    """Sorted events at a steady rate, spread over the sensor."""
+    draw = np.random.default_rng(0)
+    t = np.sort(draw.integers(0, count * 1_000_000 // RATE_PER_S, count))
+    x, y = draw.integers(0, WIDTH, count, np.uint16), draw.integers(0, HEIGHT, count, np.uint16)
+    return Events(x, y, t, draw.choice(np.array([-1, 1], np.int8), count))
+
+
+def rows(events: Events) -> np.ndarray:
+    """Rows t x y p, seconds, p in {0, 1}."""
+    return np.stack([events.t * 1e-6, events.x, events.y, events.p > 0], axis=1)
+
+
+def write_npz(folder: Path, events: Events, *, packed: bool) -> Path:
+    """As EV-IMO stores it."""
+    save = np.savez_compressed if packed else np.savez
+    save(folder / f"packed_{packed}.npz", events=rows(events).astype(np.float32), depth=np.zeros((1, HEIGHT, WIDTH)))
+    return folder / f"packed_{packed}.npz"
+
+
+def write_evimo2(folder: Path, events: Events) -> Path:
+    """As EVIMO2 and our simulator store it."""
+    np.save(folder / "dataset_events_t.npy", events.t * 1e-6)
+    np.save(folder / "dataset_events_xy.npy", np.stack([events.x, events.y], axis=1))
+    np.save(folder / "dataset_events_p.npy", (events.p > 0).astype(np.uint8))
+    np.savez(folder / "dataset_depth.npz", depth_0000000000=np.zeros((HEIGHT, WIDTH), np.uint16))
+    return folder
+
+
+def write_text(folder: Path, events: Events) -> Path:
+    """As NumPy prints it."""
+    np.savetxt(folder / "a.txt", rows(events), fmt="%.9f %d %d %d")
+    return folder / "a.txt"
+
+
+def write_event_stream(folder: Path, events: Events) -> Path:
+    """One byte of time step each: no two events are 127 µs apart."""
+    stored = np.zeros(len(events), [("t", "u1"), ("x", "<u2"), ("y", "<u2")])
+    stored["t"] = np.diff(events.t, prepend=0).clip(0, 126) << 1 | (events.p > 0)
+    stored["x"], stored["y"] = events.x, HEIGHT - 1 - events.y
+    head = b"Event Stream\x02\0\0\x01" + struct.pack("<HH", WIDTH, HEIGHT)
+    (folder / "a.es").write_bytes(head + stored.tobytes())
+    return folder / "a.es"
+
+
+def write_aedat4(folder: Path, events: Events) -> Path:
+    """Through iniVation's library."""
+    import dv_processing
+
+    config = dv_processing.io.MonoCameraWriter.EventOnlyConfig("camera", (WIDTH, HEIGHT))
+    writer = dv_processing.io.MonoCameraWriter(str(folder / "a.aedat4"), config)
+    for first in range(0, len(events), PART):
+        store, part = dv_processing.EventStore(), events.part(first, first + PART)
+        for event in zip(part.t.tolist(), part.x.tolist(), part.y.tolist(), (part.p > 0).tolist(), strict=True):
+            store.push_back(*event)
+        writer.writeEvents(store)
+    del writer
+    return folder / "a.aedat4"
+
+
+def write_bag(folder: Path, events: Events, *, encoding: str) -> Path:
+    """One message per PART events."""
+    path = folder / f"{encoding}.bag"
+    kind = "dvs_msgs/msg/EventArray" if encoding == "array" else "event_camera_msgs/msg/EventPacket"
+    with Writer(path) as writer:
+        topic = writer.add_connection("/events", kind, msgdef="Header header", md5sum="0" * 32)
+        for first in range(0, len(events), PART):
+            part = events.part(first, first + PART)
+            writer.write(topic, int(part.t[-1]) * 1000 + 1, MESSAGES[encoding](part))
+    return path
+
+
+def array_message(part: Events) -> bytes:
+    """A dvs_msgs/EventArray."""
+    stored = np.zeros(len(part), [("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
+    stored["x"], stored["y"], stored["p"] = part.x, part.y, part.p > 0
+    stored["s"], stored["ns"] = part.t // 1_000_000, part.t % 1_000_000 * 1000
+    return bytes(16) + struct.pack("<III", HEIGHT, WIDTH, len(part)) + stored.tobytes()
+
+
+def mono_message(part: Events) -> bytes:
+    """An EventPacket in the encoding mono."""
+    base = int(part.t[0]) * 1000
+    t, x, y = ((column.astype(np.uint64)) for column in (part.t * 1000 - base, part.x, part.y))
+    return packet_message(b"mono", base, (t | x << 32 | y << 48 | (part.p > 0).astype(np.uint64) << 63).tobytes())
+
+
+def evt3_message(part: Events) -> bytes:
+    """Every event with all its words: time high, time low, row, column."""
+    column = 2 << 12 | (part.p > 0).astype(np.uint16) << 11 | part.x
+    words = np.stack([8 << 12 | part.t >> 12 & 0xFFF, 6 << 12 | part.t & 0xFFF, part.y, column], axis=1)
+    return packet_message(b"evt3", 0, words.astype("<u2").tobytes())
+
+
+def packet_message(encoding: bytes, base: int, packed: bytes) -> bytes:
+    """An EventPacket as ROS 1 serialises it."""
+    head = struct.pack("<IIQQI", HEIGHT, WIDTH, 0, base, len(encoding)) + encoding
+    return bytes(16) + head + struct.pack("<?I", False, len(packed)) + packed
+
+
+MESSAGES = {"array": array_message, "mono": mono_message, "evt3": evt3_message}
+FORMATS: dict[str, Callable[[Path, Events], Path]] = {
+    "EV-IMO npz, compressed": lambda folder, events: write_npz(folder, events, packed=True),
+    "EV-IMO npz, stored": lambda folder, events: write_npz(folder, events, packed=False),
+    "EVIMO2 folder": write_evimo2,
+    "text": write_text,
+    "AEDAT 4 (LZ4)": write_aedat4,
+    "Event Stream": write_event_stream,
+    "ROS 1 bag, dvs_msgs": lambda folder, events: write_bag(folder, events, encoding="array"),
+    "ROS 1 bag, mono": lambda folder, events: write_bag(folder, events, encoding="mono"),
+    "ROS 1 bag, evt3": lambda folder, events: write_bag(folder, events, encoding="evt3"),
+}
+
+
+def speeds(path: Path, count: int) -> tuple[float, float]:
+    """Million events per second: to open, to read."""
+    opening, reading = [], []
+    for _ in range(REPEATS + 1):
+        start = time.process_time()
+        recording = open_events(path)
+        opened = time.process_time()
+        seen = sum(len(packet) for packet in recording)
+        reading.append(time.process_time() - opened)
+        opening.append(opened - start)
+        assert seen > 0.999 * count, f"{path}: {seen} of {count}"
+    return tuple(count * 1e-6 / min(times[1:]) for times in (opening, reading))
+
+
+def main() -> None:
+    """Write, open and read each format."""
+    events = made_up(int(float(sys.argv[1] if len(sys.argv) > 1 else 2) * 1e6))
+    warnings.simplefilter("ignore", EvimoWarning)
+    print(f"| format | open, Mevents/s | read, Mevents/s | bytes per event |\n|---|{'---:|' * 3}")
+    for name, write in FORMATS.items():
+        with tempfile.TemporaryDirectory() as folder:
+            path = write(Path(folder), events)
+            size = sum(file.stat().st_size for file in path.iterdir()) if path.is_dir() else path.stat().st_size
+            opening, reading = speeds(path, len(events))
+        print(f"| {name} | {opening:,.0f} | {reading:.1f} | {size / len(events):.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

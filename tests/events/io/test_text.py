@@ -1,0 +1,164 @@
+"""Text and CSV, against lines written with Python's own formatting."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from evimo.errors import BadFile, EvimoWarning
+from evimo.events.io import open_events, text
+
+SIZE = (48, 64)
+QUIET = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def listed(events, form, *, on=1, off=0):
+    return "".join(
+        form.format(t=t, s=t / 1e6, x=x, y=y, p=on if p > 0 else off) + "\n"
+        for x, y, t, p in zip(events.x, events.y, events.t, events.p, strict=True)
+    )
+
+
+def written(path, content):
+    path.write_text(content, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "{t} {x} {y} {p}",
+        "{s:.6f} {x} {y} {p}",
+        "{s:.9f}\t{x}\t{y}\t{p}",
+        "{s:.9f},{x},{y},{p}",
+        " {t} ; {x} ; {y} ; {p} \r",
+        "{s:.18e} {x:.18e} {y:.18e} {p:.18e}",
+        "{t:.18e} {x:.18e} {y:.18e} {p:.18e}",
+        "+{t} {x}.0 {y}.000 {p}",
+    ],
+)
+def test_what_was_written_is_read(tmp_path, events, rows, form):
+    opened = open_events(written(tmp_path / "a.txt", listed(events, form)), sensor=SIZE)
+    assert (opened.sensor, opened.start_us, opened.stop_us) == (SIZE, events.t[0], events.t[-1] + 1)
+    assert rows(opened) == rows([events])
+    assert ("seconds" in opened.format) == ("{s" in form)
+
+
+@pytest.mark.parametrize("signs", [(1, 0), (1, -1), ("+1", "-1")])
+def test_polarity_is_zero_or_one_or_signed(tmp_path, events, rows, signs):
+    content = listed(events, "{t} {x} {y} {p}", on=signs[0], off=signs[1])
+    assert rows(open_events(written(tmp_path / "a.txt", content), sensor=SIZE)) == rows([events])
+
+
+@QUIET
+@given(
+    st.lists(st.tuples(st.integers(0, 2 * 10**15), st.integers(0, 63), st.integers(0, 47), st.booleans()), min_size=1),
+    st.sampled_from(["us", "s", "exponent"]),
+)
+def test_every_microsecond_survives(tmp_path, drawn, unit):
+    drawn = sorted(drawn, key=lambda row: row[0])
+    forms = {"us": "{0}", "s": "{1}.{2:06d}", "exponent": "{0}.0e-6"}
+    path = written(
+        tmp_path / "a.txt",
+        "".join(
+            forms[unit].format(t, t // 10**6, t % 10**6) + f" {x} {y} {int(on)}\n"
+            for t, x, y, on in [*drawn, drawn[-1]]
+        ),
+    )
+    if unit == "exponent" and all(t % 10**6 == 0 for t, *_ in drawn):
+        return  # whole numbers: µs, as they should be
+    (packet,) = open_events(path, sensor=SIZE)
+    assert packet.t.tolist()[:-1] == [t for t, *_ in drawn]
+    assert packet.x.tolist()[:-1] == [x for _, x, *_ in drawn]
+    assert packet.p.tolist()[:-1] == [2 * on - 1 for *_, on in drawn]
+
+
+def test_blocks_of_any_size_give_the_same(tmp_path, events, rows, monkeypatch):
+    path = written(tmp_path / "a.txt", listed(events, "{s:.6f} {x} {y} {p}"))
+    for size in (64, 1000):
+        monkeypatch.setattr(text, "BLOCK_BYTES", size)
+        opened = open_events(path, sensor=SIZE)
+        assert rows(opened) == rows([events])
+        assert rows(opened.packets(70_000, 130_000)) == rows([events.between(70_000, 130_000)])
+
+
+def test_a_fraction_anywhere_means_seconds_everywhere(tmp_path, monkeypatch):
+    monkeypatch.setattr(text, "BLOCK_BYTES", 16)
+    path = written(tmp_path / "a.txt", "0 1 1 1\n1 1 1 0\n2 1 1 1\n2.5 1 1 1\n")
+    assert [t for packet in open_events(path, sensor=SIZE) for t in packet.t] == [0, 1_000_000, 2_000_000, 2_500_000]
+
+
+def test_without_a_size_the_smallest_known_sensor_is_taken_and_said(tmp_path):
+    path = written(tmp_path / "a.txt", "0 200 10 1\n5 3 4 0\n")
+    with pytest.warns(EvimoWarning, match="taken as 240x180"):
+        assert open_events(path).sensor == (180, 240)
+
+
+def test_comments_headings_and_sizes_before_the_events_are_understood(tmp_path, events, rows):
+    body = listed(events, "{t} {x} {y} {p}")
+    for top in ("# made by hand\n\n", "t x y p\n", "64 48\n", "% a comment\nt,x,y,p\n"):
+        opened = open_events(written(tmp_path / "a.txt", top + body), sensor=SIZE if "64" not in top else None)
+        assert opened.sensor == SIZE and rows(opened) == rows([events])
+
+
+def test_a_heading_names_the_order_of_columns(tmp_path, events, rows):
+    content = "x,y,polarity,timestamp [us]\n" + listed(events, "{x},{y},{p},{t}")
+    assert rows(open_events(written(tmp_path / "a.csv", content), sensor=SIZE)) == rows([events])
+
+
+def test_lines_that_are_no_events_are_left_out_with_one_warning(tmp_path):
+    path = written(
+        tmp_path / "a.txt",
+        "0 1 2 1\n1 1 2\n2 1.5 2 1\n3 1 2 7\n4 a 2 1\n\n# fine\n5 1 2 0\n6 1 2 0\n7 1 2 1\n8 1 2 0\n",
+    )
+    with pytest.warns(EvimoWarning, match=r"4 lines are no events .* first '1 1 2'"):
+        opened = open_events(path, sensor=SIZE)
+    assert [t for packet in opened for t in packet.t] == [0, 5, 6, 7, 8]
+
+
+def test_a_file_cut_inside_a_line_is_used_with_a_warning(tmp_path, events, rows):
+    path = written(tmp_path / "a.txt", listed(events, "{s:.6f} {x} {y} {p}")[:-3])
+    with pytest.warns(EvimoWarning, match="1 lines are no events"):
+        assert rows(open_events(path, sensor=SIZE)) == rows([events.part(0, len(events) - 1)])
+
+
+def test_pixels_outside_are_dropped_and_counted(tmp_path):
+    path = written(tmp_path / "a.txt", "0 64 0 1\n1 0 48 1\n2 -1 0 1\n3 70000 0 1\n4 63 47 1\n5 0 0 1\n")
+    with pytest.warns(EvimoWarning, match="4 events outside the 64x48 sensor"):
+        assert sum(map(len, open_events(path, sensor=SIZE))) == 2
+
+
+def test_unsorted_lines_are_sorted_and_counted(tmp_path):
+    path = written(tmp_path / "a.txt", "0 1 1 1\n7 1 1 1\n5 1 1 1\n9 1 1 1\n")
+    with pytest.warns(EvimoWarning, match="1 events were out of order"):
+        assert [t for packet in open_events(path, sensor=SIZE) for t in packet.t] == [0, 5, 7, 9]
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        ("Dear diary,\ntoday nothing moved.\n", "does not name t, x, y and p"),
+        ("0.1 12.5 20.25 8.5\n0.2 13.5 21.25 8.5\n", "is not `t x y p`"),
+        ("# only a comment\n", "holds no events"),
+        ("a,b,c,d\n1,2,3,1\n", "does not name t, x, y and p"),
+        ("t,x,y,p\n", "holds no events"),
+        ("1 2\n3 4\n", "holds no events"),
+    ],
+)
+def test_what_is_no_recording_is_said(tmp_path, content, words):
+    with pytest.raises(BadFile, match=words):
+        open_events(written(tmp_path / "a.txt", content))
+
+
+def test_circles_are_no_events(shared_data):
+    with pytest.raises(BadFile):
+        open_events(shared_data("recordings/eed_what_is_background/ball_circle_gt.csv"))
+
+
+def test_real_text_and_the_recording_it_was_made_from_agree(shared_data):
+    with pytest.warns(EvimoWarning, match="346x260"):
+        (packet, *_) = open_events(shared_data("formats/text/ecd_text/events.txt"))
+    (source, *_) = open_events(shared_data("formats/ros/davis346_1s_dvs_msgs.bag"))
+    n = min(len(packet), len(source))
+    assert (packet.t[:n] - packet.t[0]).tolist() == (source.t[:n] - source.t[0]).tolist()
+    assert np.array_equal(packet.x[:n], source.x[:n]) and np.array_equal(packet.p[:n], source.p[:n])
