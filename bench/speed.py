@@ -31,6 +31,7 @@ SIZE = (260, 346)
 FOLDER = Path("out/bench")
 SIMULATED = FOLDER / "simulated"
 SEED = 90_000
+MODEL = "tiny"
 GOALS = ("value", "must", "aim")
 
 Row = dict[str, Any]
@@ -95,7 +96,7 @@ def run() -> Iterator[Row]:
     for _ in range(RUNS):
         for way, options in ways.items():
             folder = FOLDER / f"run{way}"
-            wall_s = evimo("run", source, "--model", "tiny", "--no-video", *options, "--out", folder)
+            wall_s = evimo("run", source, "--model", MODEL, "--no-video", *options, "--out", folder)
             summaries[way].append(json.loads((folder / "summary.json").read_text()) | {"wall_s": wall_s})
     for way, parts in summaries.items():
         middle = sorted(parts, key=lambda part: part["slices_per_s"])[len(parts) // 2]

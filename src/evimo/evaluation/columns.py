@@ -94,7 +94,7 @@ CONVENTIONS: tuple[str, ...] = (
     "Flow is on the plane Z = 1 times the sensor's focal length: px/s of a pinhole image, the lens left out.",
     "Velocities are in camera axes, objects relative to the static world, seen in at least 30 scored pixels.",
     "Scale of velocities from truth: the true norm per slice, or (depth) median true over median predicted depth."
-    " A zero velocity stays zero, so its error is the true speed.",
+    " A zero velocity stays zero: its error is the true speed. With the true norm a camera at rest has no error.",
     "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames.",
     "Event density is the event count in a box of 1/13 of the width, over the mean of the frame; the oracle threshold"
     " is the one with the best IoU on these very recordings.",
