@@ -258,6 +258,12 @@ def _splat(table, packed, planes):
         ax, ay, one = x - np.float32(left), y - np.float32(top), np.float32(1)
         positive, negative = np.float32(counts >> 16), np.float32(counts & 65535)
         time = np.float32(np.int64(counter >> np.uint64(32)))
+        if ax == 0 and ay == 0:
+            at = top * width + left
+            positives[at] += positive
+            negatives[at] += negative
+            times[at] += time
+            continue
         for at, weight in (
             (top * width + left, (one - ax) * (one - ay)),
             (top * width + right, ax * (one - ay)),
