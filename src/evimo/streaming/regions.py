@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from evimo.streaming.tallies import LABELS, extents, weighted_sums
 
 F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
 U1 = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
@@ -24,8 +25,7 @@ SMALLEST_SHARE, SMALLEST_PX = 0.0005, 12  # of a region: share of the image, and
 APART = 4.5  # distance of two groups' means in standard deviations; cutting one evenly spread group gives 3.5
 DIFFERENT = 0.5  # the same distance in speeds of the faster group: 30 degrees apart, or half as fast
 CUTS = 2  # rounds of cutting: up to four motions in one region
-SAMPLES = 4096  # pixels that the search for the threshold looks at
-BINS = 64
+SAMPLES = 1024  # pixels that the search for the threshold looks at
 MOST = LABELS - 1
 
 
@@ -111,41 +111,39 @@ def _cut_all(labels: U1, velocity: F4, smallest_px: int, suspects: list[int]) ->
 def _faster_part(inside: Mask, velocity: F4) -> Mask | None:
     """Which pixels of a region move in the second of two ways; None if it moves in one."""
     within: F4 = velocity[:, inside]
-    cut = _two_motions(within[:, :: 1 + within.shape[1] // SAMPLES])
+    cut = _two_motions(within[:, :: 1 + within.shape[1] // SAMPLES].astype(np.float64))
     if cut is None:
         return None
     axis, threshold = cut
     fast = np.zeros_like(inside)
-    fast[inside] = axis @ within > threshold
+    fast[inside] = axis.astype(np.float32) @ within > threshold
     return fast
 
 
-def _two_motions(velocity: F4) -> tuple[F4, float] | None:
-    """Axis (3,) and threshold along it between two groups of velocities (3, N); None if there is one group."""
-    centred = velocity - velocity.mean(axis=1, keepdims=True)
-    axis: F4 = np.linalg.eigh(centred @ centred.T)[1][:, -1]
-    along: F4 = axis @ velocity
-    threshold = _otsu(along)
-    slow, fast = along <= threshold, along > threshold
-    if not slow.any() or not fast.any():
-        return None
-    spread = np.sqrt((along[slow].var() * slow.sum() + along[fast].var() * fast.sum()) / len(along))
-    means = velocity[:, slow].mean(axis=1), velocity[:, fast].mean(axis=1)
-    apart = float(np.linalg.norm(means[1] - means[0]))
-    speed = max(float(np.linalg.norm(mean)) for mean in means)
-    return (axis, threshold) if apart > max(APART * spread, DIFFERENT * speed) else None
+def _two_motions(velocity: F8) -> tuple[F8, float] | None:
+    """Axis (3,) and threshold along it between two groups of velocities (3, N); None if there is one group.
 
-
-def _otsu(values: F4) -> float:
-    """The threshold between two groups of values (N,) that explains most of their variance (Otsu 1979)."""
-    counts, edges = np.histogram(values, BINS)
-    below = np.cumsum(counts)[:-1]
-    above = len(values) - below
-    sums = np.cumsum(counts * (edges[:-1] + edges[1:]) / 2)
-    means_apart = sums[:-1] / np.maximum(below, 1) - (sums[-1] - sums[:-1]) / np.maximum(above, 1)
-    explained = below * above * means_apart**2
-    best = np.flatnonzero(explained >= explained.max() * (1 - 1e-9))
-    return float(edges[1 + best].mean())  # the middle of an empty gap
+    The threshold is the one that explains most of the variance along the axis (Otsu 1979), over all thresholds.
+    """
+    count = velocity.shape[1]
+    middle = velocity.sum(axis=1) / count
+    centred = velocity - middle[:, None]
+    axis: F8 = np.linalg.eigh(centred @ centred.T)[1][:, -1]
+    along: F8 = axis @ centred
+    ordered = np.sort(along)
+    below = np.arange(1, count)
+    sums = np.cumsum(ordered)[:-1]  # the mean is 0: what is below and what is above sum to 0
+    apart = -sums / (count - below) - sums / below
+    explained = below * (count - below) * apart**2
+    best = int(np.argmax(explained))
+    threshold = (ordered[best] + ordered[best + 1]) / 2
+    spread = np.sqrt(max(0.0, (along @ along) / count - explained[best] / count**2))
+    shift = axis * sums[best]  # from the means of the groups along the axis to those in space
+    speed = max(
+        float(np.linalg.norm(middle + shift / (best + 1))), float(np.linalg.norm(middle - shift / (count - best - 1)))
+    )
+    far = apart[best] > 0 and apart[best] > max(APART * spread, DIFFERENT * speed)
+    return (axis, threshold + float(axis @ middle)) if far else None
 
 
 def _coherent_parts(inside: Mask, fast: Mask, smallest_px: int) -> U1:
