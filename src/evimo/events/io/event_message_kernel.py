@@ -8,6 +8,7 @@ from numba import njit
 TIME_HIGH, TIME_LOW, ROW, BASE_COLUMN, POLARITY, EXPECTED_US, STATE_SIZE = 0, 1, 2, 3, 4, 5, 6
 UNKNOWN = -1
 LIBCAER_WRAP_NS = (1 << 31) * 1000
+SOONER_US = 1 << 20  # a message's first time is before its last, which is what is expected, or sooner by so much
 
 
 @njit(cache=True, nogil=True)
@@ -67,7 +68,7 @@ def decode_libcaer(raw, base_ns):
 
 @njit(cache=True, nogil=True)
 def evt3_state(expected_us):
-    """The state before the first word; the sensor's 24-bit clock is placed in the round nearest to expected_us."""
+    """The state before the first word; the sensor's 24-bit clock is placed in the last round before expected_us."""
     state = np.zeros(STATE_SIZE, np.int64)
     state[TIME_HIGH] = state[TIME_LOW] = UNKNOWN
     state[EXPECTED_US] = expected_us
@@ -93,7 +94,7 @@ def evt3_count(words):
 def high_time(before, high, expected_us):
     """The upper clock with its rounds (µs / 4096) after a TIME_HIGH of 12 bits."""
     if before == UNKNOWN:
-        rounds = (expected_us - (high << 12) + (1 << 23)) >> 24
+        rounds = (expected_us + SOONER_US - (high << 12)) >> 24
         return max(rounds, 0) << 12 | high
     rounds = before >> 12
     if (before & 0xFFF) - high > 2048:  # a little backwards happens without a wrap

@@ -24,7 +24,7 @@ class Decoder(Protocol):
     """Decodes the messages of one topic in order."""
 
     def __call__(self, payload: memoryview, expected_us: int) -> Events:
-        """The events of a message; expected_us is about their time, for clocks that wrap."""
+        """The events of a message; expected_us is about the time of the last, for clocks that wrap."""
         ...
 
 

@@ -26,12 +26,14 @@ CONTENTS = {
 
 @dataclass(frozen=True, slots=True)
 class EventTopic:
-    """The events of one topic of a bag, and how the sensor's clock lies to the recorder's."""
+    """The events of one topic of a bag.
+
+    clocks_us: a message's time by the recorder, and of its last event by the sensor.
+    """
 
     bag: Bag
     connection: int
-    first_recorded_us: int
-    first_event_us: int
+    clocks_us: tuple[int, int] = (0, 0)
 
     def chunks(self) -> list[ChunkPlace]:
         """The chunks with events."""
@@ -39,7 +41,21 @@ class EventTopic:
 
     def expected_us(self, recorded_ns: int) -> int:
         """About the sensor's time at a time of the recorder."""
-        return self.first_event_us + recorded_ns // 1000 - self.first_recorded_us
+        recorded_us, event_us = self.clocks_us
+        return event_us + recorded_ns // 1000 - recorded_us
+
+    def compared(self) -> "EventTopic":
+        """The same with its clocks compared at the first message that has events.
+
+        Raises:
+            BadFile: none has.
+        """
+        decode = self.decoder()
+        for chunk in self.chunks():
+            for _, time_ns, payload in self.bag.messages(chunk, {self.connection}):
+                if len(events := self._decoded(decode, payload, 0)):
+                    return EventTopic(self.bag, self.connection, (time_ns // 1000, int(events.t.max())))
+        raise no_events_in(self.bag.path)
 
     def decoder(self) -> Decoder:
         """A decoder for this topic's kind of message."""
@@ -51,16 +67,22 @@ class EventTopic:
         decode = self.decoder()
         for chunk in chunks:
             messages = self.bag.messages(chunk, {self.connection})
-            try:
-                yield joined([decode(payload, self.expected_us(time_ns)) for _, time_ns, payload in messages])
-            except struct.error as error:
-                topic = self.bag.connections[self.connection].topic
-                raise BadFile(f"{self.bag.path.name}: a message of {topic} is damaged", fix="copy it again") from error
+            yield joined(
+                [self._decoded(decode, payload, self.expected_us(time_ns)) for _, time_ns, payload in messages]
+            )
+
+    def _decoded(self, decode: Decoder, payload: memoryview, expected_us: int) -> Events:
+        try:
+            return decode(payload, expected_us)
+        except (struct.error, ValueError) as error:
+            topic = self.bag.connections[self.connection].topic
+            raise BadFile(f"{self.bag.path.name}: a message of {topic} is damaged", fix="copy it again") from error
 
     def read(self, start_us: int) -> Iterator[Events]:
-        """Packets from a chunk on that was recorded before start_us can have happened."""
-        elapsed = start_us - self.first_event_us
-        recorded = self.first_recorded_us + elapsed - MARGIN_US - int(abs(elapsed) * DRIFT)
+        """Packets from a chunk on before which all was recorded before start_us."""
+        recorded_us, event_us = self.clocks_us
+        elapsed = start_us - event_us
+        recorded = recorded_us + elapsed - MARGIN_US - int(abs(elapsed) * DRIFT)
         chunks = self.chunks()
         before = [at for at, chunk in enumerate(chunks) if chunk.stop_ns // 1000 < recorded]
         return self.packets(chunks[before[-1] + 1 if before else 0 :])
@@ -76,10 +98,8 @@ def open_rosbag1(path: Path, sensor: tuple[int, int] | None = None) -> EventFile
     """
     bag = open_bag(path)
     topic, size = _event_topic(bag)
-    first = next(filter(len, topic.packets(topic.chunks())), None)
-    if first is None:
-        raise no_events_in(path)
-    topic = EventTopic(bag, topic.connection, topic.first_recorded_us, int(first.t.min()))
+    topic = topic.compared()
+    first = next(filter(len, topic.packets(topic.chunks())))
     last = next(filter(len, (joined(list(topic.packets([chunk]))) for chunk in reversed(topic.chunks()))))
     if bag.cut_short:
         text = f"{path.name} has lost its index: its {len(bag.chunks):,} readable chunks are used; was it cut short?"
@@ -90,7 +110,7 @@ def open_rosbag1(path: Path, sensor: tuple[int, int] | None = None) -> EventFile
         path=path,
         format=f"ROS 1 bag ({bag.connections[topic.connection].kind})",
         sensor=sensor or size,
-        start_us=topic.first_event_us,
+        start_us=int(first.t.min()),
         stop_us=int(last.t.max()) + 1,
         read=topic.read,
         camera_hint=_camera(bag, topic.connection, sensor or size),
@@ -99,7 +119,7 @@ def open_rosbag1(path: Path, sensor: tuple[int, int] | None = None) -> EventFile
 
 
 def _event_topic(bag: Bag) -> tuple[EventTopic, tuple[int, int]]:
-    """The topic with the most event messages, its clocks not compared yet, and the sensor's size."""
+    """The topic with the most event messages, and the sensor's size."""
     found = [name for name, connection in bag.connections.items() if connection.kind in ARRAYS + PACKETS]
     if not any(bag.count(name) for name in found):
         topics = ", ".join(sorted(connection.topic for connection in bag.connections.values())[:8])
@@ -112,9 +132,8 @@ def _event_topic(bag: Bag) -> tuple[EventTopic, tuple[int, int]]:
         read, left = bag.connections[chosen].topic, ", ".join(others)
         text = f"{bag.path.name} has {len(found)} topics with events: {read} is read, not {left}"
         warnings.warn(text, EvimoWarning, stacklevel=4)
-    topic = EventTopic(bag, chosen, 0, 0)
-    message = next(bag.messages(topic.chunks()[0], {chosen}))
-    return EventTopic(bag, chosen, message.time_ns // 1000, 0), image_size(message.payload)
+    topic = EventTopic(bag, chosen)
+    return topic, image_size(next(bag.messages(topic.chunks()[0], {chosen})).payload)
 
 
 def _contents(bag: Bag) -> dict[str, str]:
