@@ -163,7 +163,8 @@ class PoseScale(nn.Module):
         logits = logits + self.mask_head(torch.relu(self.mask_features(torch.cat(seen, dim=1))))
         mixture = shares(logits)
         basis = flow_per_twist(fitting.geometry.inv_depth, fitting.geometry.grid)[:, :3]
-        theirs = fitting.down(mixture[:, 1:])[:, :, None] * sure[:, None]
+        # Squared: a hundredth of a share on all of the background would outweigh an object of a hundredth of the image.
+        theirs = fitting.down(mixture[:, 1:]).square()[:, :, None] * sure[:, None]
         residual = fitted(basis, fitting.down(error) / geometry.focal_px, theirs, prior[:3])
         return Scale(flow, ego, residual, mixture), logits
 
