@@ -119,7 +119,7 @@ def onnx() -> Iterator[Row]:
     from evimo.streaming.inference import Network
 
     try:
-        network, model = Network("tiny", threads=CORES), package.load_model("tiny")
+        network, model = Network("tiny", workers=1, threads=CORES), package.load_model("tiny")
     except NotFound as error:
         raise Skipped(error.problem) from error
     torch.set_num_threads(CORES)

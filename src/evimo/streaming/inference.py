@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from evimo.errors import BadFile, NotFound
 
 F4 = NDArray[np.float32]
 
+MOST_WORKERS = 4  # more would wait for memory, not for each other
 INPUTS = ("frames", "valid", "intrinsics")
 OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 
@@ -44,16 +46,18 @@ def presets() -> dict[str, Path]:
 class Network:
     """A trained model ready to run.
 
-    name:   as the user gave it.
-    sha256: of the file.
-    config: what it was trained as, from the file; empty if it does not say.
+    name:    as the user gave it.
+    sha256:  of the file.
+    workers: slices that may run side by side; `estimate` may be called from as many threads.
+    config:  what it was trained as, from the file; empty if it does not say.
     """
 
-    def __init__(self, name_or_path: str | Path, *, threads: int = 2) -> None:
+    def __init__(self, name_or_path: str | Path, *, workers: int | None = None, threads: int = 1) -> None:
         """Load a preset by name, or an ONNX file by path.
 
         Args:
             name_or_path: `tiny`, or a path.
+            workers: how many slices may run side by side; by default one per core, at most four.
             threads: inside one operator.
 
         Raises:
@@ -61,6 +65,7 @@ class Network:
             BadFile: not an ONNX model, or not one of ours.
         """
         self.name = str(name_or_path)
+        self.workers = workers or min(MOST_WORKERS, os.cpu_count() or 1)
         path = presets().get(self.name) or Path(name_or_path)
         if not path.is_file():
             known = ", ".join(presets()) or "none is installed"

@@ -1,11 +1,14 @@
 """The main job: packets in, estimates out, in constant memory.
 
-Three threads share the work: one reads events, cuts slices and makes frames; one runs the networks; the caller's own
-finds objects. Bounded queues join them, so an hour needs no more memory than a second.
+One thread reads events, cuts slices and makes frames; several run the networks, a slice each, from which small graphs
+gain more than from threads inside one slice; the caller's own finds objects. Bounded queues join them, so an hour needs
+no more memory than a second.
 """
 
 import itertools
+from collections import deque
 from collections.abc import Generator, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -92,6 +95,7 @@ class Run:
         self.rectification = rectified(camera)
         self.rectification.warn_of_invalid()
         network.check_size(self.rectification.image.size)
+        self._valid = self.rectification.image_valid.astype(np.float32)
         self.stopwatch = Stopwatch()
         self.finder = ObjectFinder(self.rectification)
         self.stacks = Stacks(self._slices(), PixelTable(*self.rectification.table()))
@@ -115,7 +119,8 @@ class Run:
     def _frames(self) -> Iterator[tuple[Slice, F4]]:
         """Stacks of the span, copied out of the ring: into as many buffers as are in use at once, and one more."""
         size = self.rectification.image.size
-        buffers = itertools.cycle(np.empty((AHEAD + 2, 2 * CONTEXT + 1, CHANNELS, *size), np.float32))
+        in_use = AHEAD + self.network.workers + 3
+        buffers = itertools.cycle(np.empty((in_use, 2 * CONTEXT + 1, CHANNELS, *size), np.float32))
         for part, frames in self.stopwatch.over("frames", self.stacks):
             if self.span.first <= part.index < self.span.last:
                 buffer = next(buffers)
@@ -124,14 +129,22 @@ class Run:
                 yield part, buffer
 
     def _answers(self, stacks: Generator[tuple[Slice, F4]]) -> Iterator[tuple[Slice, Answer]]:
-        image = self.rectification.image
-        valid = self.rectification.image_valid.astype(np.float32)
-        intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
-        with closing(stacks):
+        """The networks' answers in order, several slices at a time, each by one thread."""
+        waiting: deque[tuple[Slice, Future[Answer]]] = deque()
+        with closing(stacks), ThreadPoolExecutor(self.network.workers) as pool:
             for part, frames in stacks:
-                with self.stopwatch.stage("networks"):
-                    answer = self.network.estimate(frames, valid=valid, intrinsics=intrinsics)
-                yield part, answer
+                waiting.append((part, pool.submit(self._answer, frames)))
+                if len(waiting) > self.network.workers:
+                    part, answer = waiting.popleft()
+                    yield part, answer.result()
+            for part, answer in waiting:
+                yield part, answer.result()
+
+    def _answer(self, frames: F4) -> Answer:
+        image = self.rectification.image
+        intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
+        with self.stopwatch.stage("networks"):
+            return self.network.estimate(frames, valid=self._valid, intrinsics=intrinsics)
 
 
 def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:

@@ -12,13 +12,14 @@ T = TypeVar("T")
 class Stopwatch:
     """Wall time by stage, in seconds. A stage inside another one is taken off it; threads run side by side.
 
-    Each stage belongs to one thread at a time.
+    A stage that runs in several threads at once counts the time of each.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self._clock = clock
         self.seconds: dict[str, float] = {}
         self._running = threading.local()
+        self._lock = threading.Lock()
 
     @contextmanager
     def stage(self, name: str) -> Generator[None]:
@@ -29,7 +30,8 @@ class Stopwatch:
             yield
         finally:
             elapsed = self._clock() - start
-            self.seconds[name] = self.seconds.get(name, 0.0) + elapsed - self._running.inner_s
+            with self._lock:
+                self.seconds[name] = self.seconds.get(name, 0.0) + elapsed - self._running.inner_s
             self._running.inner_s = outer + elapsed
 
     def over(self, name: str, items: Iterable[T]) -> Iterator[T]:
