@@ -43,8 +43,8 @@ def fitted(
     Args:
         basis: flow of each pixel for a unit of each coefficient.
         flow: to be explained, in the unit of the basis.
-        weight: of each pixel's error e, as the symmetric matrix (xx, xy, yy) of e' W e: an edge tells only of the motion
-            across it.
+        weight: of each pixel's error e, as the symmetric matrix (xx, xy, yy) of e' W e: an edge tells only of the
+            motion across it.
         prior: pulls each coefficient towards 0, against an average weight of 1; no weight anywhere gives 0.
     """
     total = (weight[:, :, 0] + weight[:, :, 2]).sum((-2, -1)) + 1e-3  # B C

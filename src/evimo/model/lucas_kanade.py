@@ -1,8 +1,8 @@
 """Local motion of event frames by least squares (Lucas and Kanade, 1981), inside the graph and without parameters.
 
-Counts and mean times alone make a small network a detector of density; products of spatial and temporal differences are what
-it cannot form by itself. Each polarity is one brightness-like channel, log(1 + count): its change from slice to slice
-and its slope in x and y give, over a window, the displacement that explains both.
+Counts and mean times alone make a small network a detector of density; products of spatial and temporal differences
+are what it cannot form by itself. Each polarity is one brightness-like channel, log(1 + count): its change from slice
+to slice and its slope in x and y give, over a window, the displacement that explains both.
 """
 
 from math import exp
