@@ -1,3 +1,4 @@
+import errno
 import json
 
 import av
@@ -5,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
+from evimo.errors import BadInput, EvimoWarning
 from evimo.streaming.inference import Network
 from evimo.streaming.pipeline import Run
 from evimo.streaming.saving import Control, Wanted, save_run
@@ -102,6 +104,25 @@ def test_stopped_before_the_first_slice_leaves_nothing(prepared, tmp_path):
     control.stopped = True
     run = prepared()
     assert save_run(run, tmp_path / "out", Wanted(dense=True, video_speed=None), control=control) is None
+    assert not (tmp_path / "out").exists()
+
+
+def test_outputs_of_an_earlier_run_that_stay_are_said(prepared, tmp_path):
+    save_run(prepared(), tmp_path, Wanted(dense=True, video_speed=None))
+    with pytest.warns(EvimoWarning, match=r"estimates\.h5 is from an earlier run"):
+        save_run(prepared(), tmp_path, Wanted(dense=False, video_speed=None))
+    assert (tmp_path / "estimates.h5").exists()
+
+
+@pytest.mark.parametrize("dense", [True, False])
+def test_a_full_disk_is_our_error(prepared, tmp_path, monkeypatch, dense):
+    def fail(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    place = "estimates_file.EstimatesFile._put" if dense else "tables.Tables.write"
+    monkeypatch.setattr(f"evimo.streaming.{place}", fail)
+    with pytest.raises(BadInput, match="no space left"):
+        save_run(prepared(), tmp_path / "out", Wanted(dense=dense, video_speed=None))
     assert not (tmp_path / "out").exists()
 
 

@@ -3,6 +3,7 @@
 import os
 import shutil
 import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -44,6 +45,10 @@ class OutputFolder:
     def path(self, name: str) -> Path:
         """Where to write the new file `name` until it is complete."""
         return self._partial / name
+
+    def left_over(self, names: Iterable[str]) -> list[str]:
+        """Which of these files are in the folder from before and will not be replaced."""
+        return [name for name in names if (self.folder / name).exists() and not self.path(name).exists()]
 
     def keep(self) -> list[Path]:
         """Move every new file into the folder, over old ones of the same name; their paths, sorted."""

@@ -17,6 +17,7 @@ from evimo.viewing.video import VideoWriter
 
 Output = TypeVar("Output", Tables, EstimatesFile, "Video")
 
+OPTIONAL = ("estimates.h5", "video.mp4")
 FASTEST_FPS = 60.0  # players drop images beyond their screen's rate: rather leave out slices
 
 

@@ -6,8 +6,8 @@ channel one slice later. So objects are found in the image, in two steps.
 1. Connected regions (8 neighbours) of the motion mask of at least `smallest_region` pixels.
 2. Two objects that touch, or pass in front of each other, are one region but have two velocities. A region is cut in
    two where its velocities form two separate groups: projected on their main axis, the best threshold (Otsu's) must
-   leave groups far apart against their own spread and against their speed. Comparing neighbouring pixels instead
-   would join the two through one soft edge.
+   leave groups far apart against their own spread, against their speed, and against what the networks can tell.
+   Comparing neighbouring pixels instead would join the two through one soft edge.
 """
 
 import cv2
@@ -21,9 +21,11 @@ F8 = NDArray[np.float64]
 U1 = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-SMALLEST_SHARE, SMALLEST_PX = 0.0005, 12  # of a region: share of the image, and pixels at least
+SMALLEST_SHARE, SMALLEST_PX = 0.0003, 12  # of a region: share of the image, and pixels at least
+SMALLEST_PART = 0.04  # share of a region that a part of it must have
 APART = 4.5  # distance of two groups' means in standard deviations; cutting one evenly spread group gives 3.5
 DIFFERENT = 0.5  # the same distance in speeds of the faster group: 30 degrees apart, or half as fast
+SLOWEST = 0.1  # the same distance in mean depths/s: 26 px/s at f = 260 px, less is noise of the networks
 CUTS = 2  # rounds of cutting: up to four motions in one region
 SAMPLES = 1024  # pixels that the search for the threshold looks at
 MOST = LABELS - 1
@@ -39,7 +41,7 @@ def regions(moving: Mask, velocity: F4, *, smallest_px: int) -> U1:
 
     Args:
         moving: (h, w) the motion mask.
-        velocity: (3, h, w) of what moves, any unit.
+        velocity: (3, h, w) of what moves, mean depths/s.
         smallest_px: smaller regions, and smaller parts of a cut, are dropped.
 
     Returns:
@@ -81,8 +83,9 @@ def _suspects(labels: U1, velocity: F4, smallest_px: int, among: range | list[in
     area_px = np.maximum(weight, 1)
     mean = first / area_px[:, None]
     variance = second / area_px - (mean**2).sum(axis=1)
-    share = np.minimum(smallest_px / area_px, 0.5)
-    least = share * (1 - share) * (DIFFERENT**2) * (mean**2).sum(axis=1)  # of groups just far enough apart
+    share = np.clip(smallest_px / area_px, SMALLEST_PART, 0.5)
+    apart = np.maximum(DIFFERENT**2 * (mean**2).sum(axis=1), SLOWEST**2)
+    least = share * (1 - share) * apart  # the variance of two groups just large and far enough
     possible = (weight >= 2 * smallest_px) & (variance > least)
     return [label for label in among if possible[label]]
 
@@ -97,7 +100,8 @@ def _cut_all(labels: U1, velocity: F4, smallest_px: int, suspects: list[int]) ->
         fast = _faster_part(inside, velocity[:, *box])
         if fast is None:
             continue
-        numbers = _coherent_parts(inside, fast, smallest_px)
+        least_px = max(smallest_px, round(SMALLEST_PART * int(where.area_px[label])))
+        numbers = _coherent_parts(inside, fast, least_px)
         count = int(numbers.max(initial=0))
         if count < 2 or used + count - 1 > MOST:
             continue
@@ -142,7 +146,7 @@ def _two_motions(velocity: F8) -> tuple[F8, float] | None:
     speed = max(
         float(np.linalg.norm(middle + shift / (best + 1))), float(np.linalg.norm(middle - shift / (count - best - 1)))
     )
-    far = apart[best] > 0 and apart[best] > max(APART * spread, DIFFERENT * speed)
+    far = apart[best] > max(APART * spread, DIFFERENT * speed, SLOWEST)
     return (axis, threshold + float(axis @ middle)) if far else None
 
 

@@ -1,15 +1,18 @@
 """A whole run saved: every output complete, or none."""
 
+import errno
 import json
 import time
-from collections.abc import Sequence
-from contextlib import closing
+import warnings
+from collections.abc import Generator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from evimo.errors import BadInput, EvimoWarning
 from evimo.streaming.output_folder import OutputFolder
-from evimo.streaming.outputs import Outputs
+from evimo.streaming.outputs import OPTIONAL, Outputs
 from evimo.streaming.pipeline import Run
 from evimo.streaming.summary import Course, summary
 
@@ -61,7 +64,7 @@ def save_run(
         control: see there.
 
     Raises:
-        BadInput: the folder cannot be written.
+        BadInput: the folder cannot be written, or its disk is full.
         BadFile: the recording turns out to be broken.
     """
     control = control or Control()
@@ -69,16 +72,30 @@ def save_run(
         course = _write_all(run, folder, wanted, control)
         if not course.slices:
             return None
+        for name in folder.left_over(OPTIONAL):
+            warnings.warn(f"{folder.folder / name} is from an earlier run", EvimoWarning, stacklevel=2)
         content = summary(run, course, settings=asdict(wanted) | (settings or {}), warnings=control.warnings)
         folder.path("summary.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
         return Saved(content, folder.keep())
+
+
+@contextmanager
+def _space_on(folder: OutputFolder) -> Generator[None]:
+    """Turn a full disk into our error."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        fix = "another --out folder, or fewer outputs: --no-dense, --no-video"
+        raise BadInput(f"no space left for {folder.folder}", fix=fix) from error
 
 
 def _write_all(run: Run, folder: OutputFolder, wanted: Wanted, control: Control) -> Course:
     started_s = first_s = time.perf_counter()
     count = 0
     outputs = Outputs(folder, run, dense=wanted.dense, video_speed=wanted.video_speed)
-    with closing(outputs), closing(run.slices()) as slices:
+    with _space_on(folder), closing(outputs), closing(run.slices()) as slices:
         for estimate, events in slices:
             if control.stopped:
                 break
