@@ -12,7 +12,7 @@ from evimo.errors import BadInput
 
 def simulate(
     *,
-    set: str = "all",  # noqa: A002 (the option's name)
+    set: str = "all",
     minutes: float,
     seed: int = 0,
     out: Path,

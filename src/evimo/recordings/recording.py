@@ -91,8 +91,9 @@ def open_recording(folder: str | Path) -> Recording:
     if any(sim[name].shape != shape for name, shape in shapes.items()):
         raise BadFile(f"dataset_sim.npz of {path} has arrays that do not fit together", fix=DAMAGED)
     try:
-        stored = information["camera"]
-        camera = Camera(**{**stored, "distortion": tuple(stored["distortion"])})
+        stored: dict[str, Any] = dict(information["camera"])
+        stored["distortion"] = tuple(stored["distortion"])
+        camera = Camera(**stored)
     except (KeyError, TypeError) as error:
         raise BadFile(f"dataset_info.json of {path} lacks the camera", fix=DAMAGED) from error
     return Recording(path, camera, sim, information)

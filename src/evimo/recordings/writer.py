@@ -64,7 +64,7 @@ class RecordingWriter:
             shutil.rmtree(self.unfinished, ignore_errors=True)
 
     def write(self, events: Events, truth: Truth, *, clutter_bodies: NDArray[np.uint8] | None = None) -> None:
-        """Append the events of one slice, and the truth of one instant; `clutter_bodies` (H, W) numbers static bodies."""
+        """Append the events of one slice and the truth of one instant; `clutter_bodies` (H, W) numbers them."""
         self.events += len(events)
         self._arrays["t"].write((events.t * 1e-6).astype("<f8").tobytes())
         self._arrays["xy"].write(np.stack((events.x, events.y), axis=1).astype("<u2").tobytes())

@@ -18,7 +18,11 @@ MOST_PARTS = 120  # part indices and faces share an int16 in the renderer
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """What a part looks like: texture index, its period on the surface in m, its shift (2,) in periods, its reflectance."""
+    """What a part looks like.
+
+    texture: index in the bank. period: of the texture on the surface, m. shift: (2,) periods.
+    dark, bright: reflectance where the texture is 0 and 1.
+    """
 
     texture: int
     period: float
@@ -48,7 +52,10 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """Parts that move together; a body without motion stands in the world. `clutter`: drawn like the movers, but static."""
+    """Parts that move together; without motion they stand in the world.
+
+    clutter: drawn like the movers, but static.
+    """
 
     parts: tuple[Part, ...]
     motion: Motion | None = None

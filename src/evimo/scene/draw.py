@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.scene.bodies import Body, Part, Scene
-from evimo.scene.motion import Curve, Motion, Rest, Throw, looking_at, random_rotation, wander
+from evimo.scene.motion import Curve, Motion, Rest, Throw, looking_at, random_rotation, rotation_from_vector, wander
 from evimo.scene.objects import compound, size_of
 from evimo.scene.paint import Paint
 from evimo.scene.rooms import ELEVATION, Room, furnished, net_in_front
@@ -17,6 +17,7 @@ F8 = NDArray[np.float64]
 
 NO_MOVERS, STATIC_CAMERA, PAUSED_CAMERA, RESTING_MOVER, NETTED = 0.15, 0.06, 0.08, 0.2, 0.08
 FOREVER = 1e4
+TILT = (0.08, 0.08, 0.1)  # rad, of the camera away from looking at its focus upright
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +80,9 @@ def _viewpoint(rng: np.random.Generator, kind: str, room: Room) -> tuple[F8, F8,
     inside = room.half[:2] - 0.2
     low, high = np.array([*-inside, 0.25]), np.array([*inside, 2 * room.half[2] - 0.2])
     position = np.clip(room.focus + distance * way, low, high)
-    tilt = wander(rng, 1.0, (1.0, 2.0))(np.array([0.3]))[0][0] * 0.5
-    axes = Motion(position, looking_at(position, room.focus), turns=lambda t: (np.tile(tilt, (len(t), 1)),) * 2)
-    return position, axes.at(np.zeros(1)).rotation[0], float(np.linalg.norm(room.focus - position))
+    tilt = rotation_from_vector(rng.normal(size=3) * TILT)
+    axes = looking_at(position, room.focus) @ tilt
+    return position, axes, float(np.linalg.norm(room.focus - position))
 
 
 def _camera_motion(rng: np.random.Generator, pose: tuple[F8, F8], pace: Pace, seconds: float) -> Motion:
@@ -117,7 +118,7 @@ def _bodies(
     shy = rng.random() < 0.2  # slow plain movers: the background then fires most events
     own = Paint(bank, 0.85, (0.2, 0.8), (0.1, 0.5)) if shy else family
     slow = Pace(pace.camera, pace.turning, pace.mover * 0.35) if shy else pace
-    bodies = [room_body] if (room_body := view[0].body()) else []
+    bodies = [view[0].body()]
     for _ in range(count):
         parts = compound(rng, own)
         bodies.append(Body(parts, _mover_motion(rng, _place(rng, parts, view), slow, seconds)))

@@ -19,7 +19,7 @@ _parallel = numba.njit(fastmath=True, nogil=True, error_model="numpy", cache=Tru
 
 @jit
 def tile_cones(rays, cones):
-    """Axis (unit, 3), cosine and sine of the half opening of the cone around each tile: `cones` (R, C, 5) is written."""
+    """The cone around each tile: axis (unit, 3), cosine and sine of its half opening; `cones` (R, C, 5) is written."""
     height, width = rays.shape[2], rays.shape[3]
     for row in range(cones.shape[0]):
         for column in range(cones.shape[1]):

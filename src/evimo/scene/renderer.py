@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from evimo.geometry.camera import Camera
+from evimo.recordings.flow import point_flow
 from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.scene.bodies import PackedScene, Scene
-from evimo.recordings.flow import point_flow
 from evimo.scene.film import TILE, render, tile_cones
 from evimo.scene.kernels import cast
 
@@ -153,9 +153,9 @@ class Renderer:
 
 
 def lens_rays(camera: Camera) -> tuple[F4, NDArray[np.bool_]]:
-    """Rays (5, 2, H, W) on Z = 1 of every pixel's centre and of four points within it, and where the lens is defined."""
+    """Rays (5, 2, H, W) on Z = 1 of each pixel's centre and of four points within it; where the lens is defined."""
     centre = camera.pixels()
     offsets = np.array(((0.0, 0.0), *WITHIN_PIXEL))
     straight, known = camera.normalised(centre[None] + offsets[:, None, None])
     straight = np.where(known[..., None], straight, 0)
-    return np.ascontiguousarray(np.moveaxis(straight, -1, 1), np.float32), known.all(axis=0)
+    return np.ascontiguousarray(np.moveaxis(straight, -1, 1), np.float32), np.logical_and.reduce(known)

@@ -136,7 +136,11 @@ def seeded(seed, number):
     """One generator state per pixel, (N,) uint64."""
     state = np.empty(number, np.uint64)
     for i in range(number):
-        s = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(i) * np.uint64(0xBF58476D1CE4E5B9) + np.uint64(1)
+        s = (
+            np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)
+            + np.uint64(i) * np.uint64(0xBF58476D1CE4E5B9)
+            + np.uint64(1)
+        )
         s ^= s >> np.uint64(31)
         s *= np.uint64(0x94D049BB133111EB)
         s ^= s >> np.uint64(29)

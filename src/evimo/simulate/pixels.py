@@ -109,9 +109,7 @@ class Pixels:
     def _gathered(self, fired: NDArray[np.int64]) -> Events:
         filled = np.minimum(fired, self.room.t.shape[1])
         self.lost += int((fired - filled).sum())
-        t, pixel, p = (
-            np.concatenate([row[:n] for row, n in zip(rows, filled, strict=True)]) for rows in self.room
-        )
+        t, pixel, p = (np.concatenate([row[:n] for row, n in zip(rows, filled, strict=True)]) for rows in self.room)
         order = np.argsort(t, kind="stable")
         y, x = np.divmod(pixel[order], self.size[1])
         return Events(x.astype(np.uint16), y.astype(np.uint16), t[order], p[order])
@@ -125,7 +123,8 @@ class Pixels:
         before = np.minimum(at.astype(int), len(time_s) - 2)
         share = (at - before)[:, None, None].astype(np.float32)
         finer = np.interp(at, np.arange(len(time_s)), time_s)
-        return self._lit(image[before] * (1 - share) + image[before + 1] * share, finer), finer
+        mixed = (image[before] + (image[before + 1] - image[before]) * share).astype(np.float32)
+        return self._lit(mixed, finer), finer
 
     def _lit(self, image: F4, time_s: F8) -> F4:
         """Under lamps on alternating current: twice per period bright."""

@@ -29,6 +29,7 @@ STEP_PX = 0.75  # the fastest one pixel in a hundred moves this far between fram
 SHORTEST_S, LONGEST_S = 0.0004, 0.005  # between frames
 RECORDINGS_PER_BANK = 64  # of textures: building one takes seconds
 ATTEMPTS = 40
+DARK = 0.08  # share of dark recordings outside the dark set
 LEAST_VISIBLE = 0.003  # share of pixels that movers must cover at some time, where there are movers
 LAST_US = 1 << 62
 
@@ -110,14 +111,15 @@ def simulate_recording(
         raise BadInput(f"a recording of {seconds} s", fix="at least 0.025 s")
     style = SETS[set_number]
     bank = texture_bank(seed // RECORDINGS_PER_BANK)
-    for attempt in range(ATTEMPTS):
+    attempt = 0
+    while True:
         rng = np.random.default_rng((seed, set_number, attempt))
         lens = draw_camera(rng, camera, size)
         scene = draw_scene(rng, style, bank, seconds=seconds)
-        if _is_watchable(scene, lens, seconds):
-            break
-    settings = draw_sensor(rng, dark=style.dark or rng.random() < 0.08)
-    return SimulatedRecording(seed, set_number, seconds, lens, scene, settings, attempt + 1)
+        attempt += 1
+        if _is_watchable(scene, lens, seconds) or attempt == ATTEMPTS:
+            settings = draw_sensor(rng, dark=style.dark or rng.random() < DARK)
+            return SimulatedRecording(seed, set_number, seconds, lens, scene, settings, attempt)
 
 
 def _is_watchable(scene: Scene, camera: Camera, seconds: float) -> bool:
