@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import cos, pi
 from pathlib import Path
 
@@ -28,11 +28,21 @@ class Trainer:
     Every batch depends on the seed and the number of its step alone.
     """
 
-    def __init__(self, model: MotionNet, config: TrainConfig, groups: Sequence[Samples], out: Path) -> None:
+    def __init__(
+        self,
+        model: MotionNet,
+        config: TrainConfig,
+        groups: Sequence[Samples],
+        out: Path,
+        *,
+        knows_motion: bool = False,
+    ) -> None:
+        """See the class; a model that `knows_motion` is not trained on motion alone first."""
         if config.recipe not in RECIPES:
             raise BadInput(f"no recipe {config.recipe!r}", fix=f"one of {', '.join(RECIPES)}")
         self.model, self.config, self.out = model, config, out
-        self.recipe: Recipe = RECIPES[config.recipe]
+        recipe: Recipe = RECIPES[config.recipe]
+        self.recipe = replace(recipe, motion_first=0.0) if knows_motion else recipe
         self.groups = groups
         self.step = 0
         self.device = str(next(model.parameters()).device)

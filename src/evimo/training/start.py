@@ -35,11 +35,15 @@ def start(
         out: folder of the run.
         device: where to train.
         progress: gets how many recordings are prepared, of how many.
+
+    Raises:
+        NotFound: no such preset or file, or a folder holds no recording.
+        BadInput: no such recipe, or `out` holds a run with another configuration.
+        BadFile: a recording or the checkpoint is damaged.
     """
-    groups = sample_groups(data, progress)
     torch.manual_seed(config.seed)
     model = MotionNet(PRESETS[preset]).to(device) if preset in PRESETS else load_model(preset, device=device)
-    trainer = Trainer(model, config, groups, out)
+    trainer = Trainer(model, config, sample_groups(data, progress), out, knows_motion=preset not in PRESETS)
     trainer.resume()
     return trainer
 
