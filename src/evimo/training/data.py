@@ -9,8 +9,8 @@ from numpy.random import Generator
 
 from evimo.events.slices import SLICE_US
 from evimo.geometry.warping import EventPoints
-from evimo.recordings.batches import Batch
 from evimo.recordings.prepared import SUBPIXEL, Prepared
+from evimo.training.batches import Batch
 
 Pairs = np.ndarray[tuple[int, int], np.dtype[np.int64]]
 

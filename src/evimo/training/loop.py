@@ -13,7 +13,7 @@ from torch import Tensor
 from evimo.errors import BadInput
 from evimo.model.checkpoint import load_tensors, save_model, save_tensors
 from evimo.model.motion_net import MotionNet
-from evimo.recordings.batches import Batch
+from evimo.training.batches import Batch
 from evimo.training.config import TrainConfig
 from evimo.training.data import Samples, drawn_batch
 from evimo.training.objective import objective

@@ -16,7 +16,7 @@ from evimo.losses.smoothness import depth_smoothness, mixture_smoothness
 from evimo.losses.total import total, weighted_total
 from evimo.losses.warp import coarse_warp_loss, fine_warp_loss
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
-from evimo.recordings.batches import Batch
+from evimo.training.batches import Batch
 from evimo.training.recipes import Recipe
 
 

@@ -1,6 +1,7 @@
 """From folders and a preset to a trainer that is ready to run."""
 
 import csv
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,7 @@ from evimo.errors import BadFile
 from evimo.model.checkpoint import load_model
 from evimo.model.motion_net import MotionNet
 from evimo.model.presets import PRESETS
-from evimo.recordings.prepared import Prepared, open_prepared, prepare, recording_folders
+from evimo.recordings.prepared import EVENT_NAMES, NAMES, Prepared, open_prepared, prepare, recording_folders
 from evimo.training.config import TrainConfig
 from evimo.training.data import Samples, samples_of
 from evimo.training.loop import Trainer
@@ -55,6 +56,7 @@ def sample_groups(data: list[Path], progress: Callable[[int, int], None]) -> lis
         BadFile: no recording has a slice with truth.
     """
     folders = recording_folders(data)
+    _allow_open_files(len(folders) * (len(NAMES) + len(EVENT_NAMES)))
     by_size: dict[tuple[int, ...], list[Prepared]] = {}
     for done, folder in enumerate(folders):
         recording = open_prepared(prepare(folder))
@@ -64,6 +66,20 @@ def sample_groups(data: list[Path], progress: Callable[[int, int], None]) -> lis
     if not groups:
         raise BadFile("no recording has a slice with truth", fix="simulate recordings of at least 0.025 s")
     return groups
+
+
+def _allow_open_files(count: int) -> None:
+    """Raise the process's limit: a memory-mapped array holds its file open, and 1024 are soon used up."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = count + 512
+    if hard != resource.RLIM_INFINITY:
+        wanted = min(wanted, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
 @contextmanager
