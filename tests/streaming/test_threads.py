@@ -1,13 +1,13 @@
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import pytest
 
-from evimo.streaming.threads import Background, ahead
+from evimo.streaming.threads import Background, ahead, in_parallel
 
 
-def counting(made: list[int], *, last: int = 10_000) -> Iterator[int]:
+def counting(made: list[int], *, last: int = 10_000) -> Generator[int, None, None]:
     for number in range(last):
         made.append(number)
         yield number
@@ -57,6 +57,41 @@ def test_closing_ends_the_thread_and_closes_the_items():
     while threading.active_count() > before and time.monotonic() < deadline:
         time.sleep(0.01)
     assert threading.active_count() == before
+
+
+def test_parallel_work_keeps_the_order():
+    def slow_for_even(number: int) -> int:
+        time.sleep(0.01 * (number % 2 == 0))
+        return number**2
+
+    items = ahead(range(40))
+    assert list(in_parallel(slow_for_even, items, workers=3)) == [number**2 for number in range(40)]
+
+
+def test_parallel_work_takes_no_more_items_than_it_says():
+    made: list[int] = []
+    results = in_parallel(str, counting(made), workers=2)
+    assert [next(results), next(results)] == ["0", "1"]
+    assert len(made) == 4  # two given out, two in work; the next one is taken when the next result is wanted
+    results.close()
+
+
+def test_parallel_work_fails_in_its_place():
+    def fail_at_three(number: int) -> int:
+        return 1 // (number - 3)
+
+    seen: list[int] = []
+    with pytest.raises(ZeroDivisionError):
+        seen.extend(in_parallel(fail_at_three, counting([]), workers=2))
+    assert len(seen) == 3
+
+
+def test_closing_parallel_work_closes_the_items():
+    items = counting([])
+    results = in_parallel(str, items, workers=2)
+    next(results)
+    results.close()
+    assert not list(items)
 
 
 def test_background_does_all_in_order_before_it_closes():

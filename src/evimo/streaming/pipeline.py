@@ -6,9 +6,7 @@ no more memory than a second.
 """
 
 import itertools
-from collections import deque
 from collections.abc import Generator, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -28,11 +26,11 @@ from evimo.streaming.inference import Answer, Network
 from evimo.streaming.objects import ObjectFinder
 from evimo.streaming.span import CONTEXT, span_of
 from evimo.streaming.stopwatch import Stopwatch
-from evimo.streaming.threads import ahead
+from evimo.streaming.threads import ahead, in_parallel
 
 F4 = NDArray[np.float32]
 
-AHEAD = 2  # stacks waiting between two threads
+AHEAD = 2  # stacks that wait for the networks
 
 
 def run(
@@ -94,19 +92,20 @@ class Run:
         camera, self.camera_source = _camera_of(events, camera)
         self.rectification = rectified(camera)
         self.rectification.warn_of_invalid()
-        network.check_size(self.rectification.image.size)
+        image = self.rectification.image
+        network.check_size(image.size)
         self._valid = self.rectification.image_valid.astype(np.float32)
+        self._intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
         self.stopwatch = Stopwatch()
         self.finder = ObjectFinder(self.rectification)
         self.stacks = Stacks(self._slices(), PixelTable(*self.rectification.table()))
 
     def slices(self) -> Generator[tuple[Estimate, Events]]:
         """Each slice's estimate and its events; once."""
-        watch = self.stopwatch
         frames = ahead(self._frames(), depth=AHEAD)
-        with closing(ahead(self._answers(frames))) as answers:
+        with closing(in_parallel(self._answer, frames, workers=self.network.workers)) as answers:
             for part, answer in answers:
-                with watch.stage("objects"):
+                with self.stopwatch.stage("objects"):
                     estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
                 yield estimate, part.events
 
@@ -128,23 +127,10 @@ class Run:
                     np.copyto(buffer, frames)
                 yield part, buffer
 
-    def _answers(self, stacks: Generator[tuple[Slice, F4]]) -> Iterator[tuple[Slice, Answer]]:
-        """The networks' answers in order, several slices at a time, each by one thread."""
-        waiting: deque[tuple[Slice, Future[Answer]]] = deque()
-        with closing(stacks), ThreadPoolExecutor(self.network.workers) as pool:
-            for part, frames in stacks:
-                waiting.append((part, pool.submit(self._answer, frames)))
-                if len(waiting) > self.network.workers:
-                    part, answer = waiting.popleft()
-                    yield part, answer.result()
-            for part, answer in waiting:
-                yield part, answer.result()
-
-    def _answer(self, frames: F4) -> Answer:
-        image = self.rectification.image
-        intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
+    def _answer(self, stack: tuple[Slice, F4]) -> tuple[Slice, Answer]:
+        part, frames = stack
         with self.stopwatch.stage("networks"):
-            return self.network.estimate(frames, valid=self._valid, intrinsics=intrinsics)
+            return part, self.network.estimate(frames, valid=self._valid, intrinsics=self._intrinsics)
 
 
 def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:

@@ -1,6 +1,8 @@
 """Stages of the pipeline in threads of their own, joined by bounded queues: constant memory at any length."""
 
+from collections import deque
 from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from queue import Empty, Full, Queue
 from threading import Event, Thread
@@ -8,6 +10,7 @@ from types import GeneratorType
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
+R = TypeVar("R")
 
 PATIENCE_S = 0.05  # how often a side that waits on a queue looks whether the other one has given up
 
@@ -55,6 +58,25 @@ def ahead(items: Iterable[T], *, depth: int = 2) -> Generator[T]:
             with suppress(Empty):
                 queue.get(timeout=PATIENCE_S)
         thread.join()
+
+
+def in_parallel(work: Callable[[T], R], items: Generator[T], *, workers: int) -> Generator[R]:
+    """`work(item)` of each item in order, by several threads; at most `workers` + 2 items are in use at once.
+
+    What `work` raises is raised here, in the place of its result. Closing this generator waits for the work that runs
+    and closes `items`.
+    """
+    pool, waiting = ThreadPoolExecutor(workers), deque[Future[R]]()
+    try:
+        for item in items:
+            waiting.append(pool.submit(work, item))
+            if len(waiting) > workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+        items.close()
 
 
 class Background(Generic[T]):
