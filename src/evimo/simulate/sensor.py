@@ -50,7 +50,7 @@ def draw_sensor(rng: np.random.Generator, *, dark: bool = False) -> SensorSettin
         refractory_s=float(rng.choice([0, 0.0005, 0.001, 0.0015, 0.002], p=[0.1, 0.2, 0.3, 0.25, 0.15])),
         bandwidth_hz=log_uniform(rng, 40, 200) if dark else log_uniform(rng, 200, 2000),
         floor=float(rng.uniform(0.02, 0.08)) if dark else 0.003,
-        shot_hz=log_uniform(rng, 1, 8) if dark else log_uniform(rng, 0.01, 0.5),
+        shot_hz=log_uniform(rng, 1, 8) if dark else log_uniform(rng, 0.01, 0.3),
         leak_hz=log_uniform(rng, 0.03, 0.3),
         hot_share=float(rng.uniform(0, 5e-4)),
         jitter_s=float(rng.uniform(0, 100e-6)),

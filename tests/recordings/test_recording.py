@@ -1,0 +1,151 @@
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+from evimo.errors import BadFile, BadInput, NotFound
+from evimo.events.events import joined
+from evimo.events.io import open_events
+from evimo.recordings.recording import open_recording
+from evimo.recordings.writer import RecordingWriter
+
+
+@pytest.fixture
+def folder(tmp_path, camera, pieces):
+    with RecordingWriter(tmp_path / "film", camera, facts={"seed": 3}) as writer:
+        for events, truth in pieces:
+            writer.write(events, truth)
+    return tmp_path / "film"
+
+
+def test_what_was_written_is_read_back(folder, camera, pieces):
+    recording = open_recording(folder)
+    assert recording.camera == camera
+    assert recording.meta["seed"] == 3
+    assert recording.times_us.tolist() == [12_500, 37_500, 62_500]
+    assert len(recording) == 3
+    for k, (_, truth) in enumerate(pieces):
+        read = recording.truth(k)
+        assert read.t_us == truth.t_us
+        np.testing.assert_allclose(read.depth, truth.depth, atol=0.00051)  # whole millimetres
+        for name in ("valid", "ids", "clutter", "ego"):
+            np.testing.assert_array_equal(getattr(read, name), getattr(truth, name))
+        assert read.objects.keys() == truth.objects.keys()
+        for id_, moved in truth.objects.items():
+            for name in ("position", "velocity", "rotation"):
+                np.testing.assert_array_equal(getattr(read.objects[id_], name), getattr(moved, name))
+
+
+def test_events_are_the_same_through_both_doors(folder, camera, pieces):
+    expected = joined([events for events, _ in pieces])
+    for file in (open_recording(folder).events, open_events(folder)):
+        read = joined(list(file))
+        assert file.sensor == camera.size
+        for name in ("x", "y", "t", "p"):
+            np.testing.assert_array_equal(getattr(read, name), getattr(expected, name))
+    late = joined(list(open_recording(folder).events.packets(50_000, 75_000)))
+    np.testing.assert_array_equal(late.t, pieces[2][0].t)
+
+
+def test_microseconds_survive_float_seconds_for_hours(tmp_path, camera, pieces):
+    events, truth = pieces[0]
+    events.t[:] += 36_000_000_000
+    with RecordingWriter(tmp_path / "late", camera) as writer:
+        writer.write(events, truth)
+    np.testing.assert_array_equal(joined(list(open_recording(tmp_path / "late").events)).t, events.t)
+
+
+def test_clutter_bodies_are_numbered(tmp_path, camera, pieces):
+    bodies = np.arange(96, dtype=np.uint8).reshape(8, 12) % 4
+    with RecordingWriter(tmp_path / "film", camera) as writer:
+        writer.write(*pieces[0], clutter_bodies=bodies)
+    recording = open_recording(tmp_path / "film")
+    np.testing.assert_array_equal(recording.clutter_bodies(0), bodies)
+    np.testing.assert_array_equal(recording.truth(0).clutter, bodies > 0)
+
+
+def test_nothing_is_pickled_and_the_layout_is_evimo2s(folder):
+    assert {file.name for file in folder.iterdir()} == {
+        *(f"dataset_events_{name}.npy" for name in ("t", "xy", "p")),
+        *(f"dataset_{name}.npz" for name in ("depth", "mask", "clutter", "sim")),
+        "dataset_info.json",
+    }
+    assert np.load(folder / "dataset_events_t.npy").dtype == np.float64
+    assert np.load(folder / "dataset_events_xy.npy").dtype == np.uint16
+    assert set(np.load(folder / "dataset_events_p.npy").tolist()) == {0, 1}
+    with np.load(folder / "dataset_mask.npz") as masks:
+        assert sorted(masks) == [f"mask_{k:010d}" for k in range(3)]
+        assert set(np.unique(masks["mask_0000000000"])) <= {0, 1000, 2000}
+    meta = json.loads((folder / "dataset_info.json").read_text())["meta"]["meta"]
+    assert (meta["res_x"], meta["res_y"], meta["p2"]) == (12, 8, -0.002)
+
+
+def test_the_same_recording_gives_the_same_bytes(folder, tmp_path, camera, pieces):
+    with RecordingWriter(tmp_path / "again", camera, facts={"seed": 3}) as writer:
+        for events, truth in pieces:
+            writer.write(events, truth)
+    for file in folder.iterdir():
+        assert file.read_bytes() == (tmp_path / "again" / file.name).read_bytes()
+
+
+def test_what_breaks_off_leaves_nothing(tmp_path, camera, pieces):
+    with pytest.raises(KeyboardInterrupt), RecordingWriter(tmp_path / "film", camera) as writer:
+        writer.write(*pieces[0])
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_exists_is_not_overwritten(folder, camera):
+    with pytest.raises(BadInput, match="exists"):
+        RecordingWriter(folder, camera)
+
+
+def test_no_folder_is_not_found(tmp_path):
+    with pytest.raises(NotFound, match="evimo simulate"):
+        open_recording(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("name", ["info.json", "sim.npz"])
+@pytest.mark.parametrize("damage", ["gone", "empty", "short", "noise"])
+def test_a_damaged_folder_is_a_bad_file(folder, name, damage):
+    _damage(folder / f"dataset_{name}", damage)
+    with pytest.raises(BadFile, match=name):
+        open_recording(folder)
+
+
+@pytest.mark.parametrize("name", ["depth", "mask", "clutter"])
+@pytest.mark.parametrize("damage", ["gone", "empty", "short", "noise"])
+def test_a_damaged_map_is_a_bad_file(folder, name, damage):
+    _damage(folder / f"dataset_{name}.npz", damage)
+    recording = open_recording(folder)
+    with pytest.raises(BadFile, match=name):
+        for k in range(3):
+            recording.truth(k)
+
+
+def _damage(path, damage):
+    content = path.read_bytes()
+    if damage == "gone":
+        path.unlink()
+    elif damage == "empty":
+        path.write_bytes(b"")
+    elif damage == "short":
+        path.write_bytes(content[: len(content) // 2])
+    else:
+        path.write_bytes(bytes(len(content)))
+
+
+def test_arrays_that_do_not_fit_together_are_a_bad_file(folder):
+    with np.load(folder / "dataset_sim.npz") as stored:
+        arrays = dict(stored)
+    np.savez(folder / "dataset_sim.npz", **{**arrays, "ego": arrays["ego"][:2]})
+    with pytest.raises(BadFile, match="fit together"):
+        open_recording(folder)
+
+
+def test_a_pickle_inside_is_refused(folder):
+    with zipfile.ZipFile(folder / "dataset_sim.npz", "w") as archive, archive.open("times_us.npy", "w") as file:
+        np.lib.format.write_array(file, np.array([{}], object), allow_pickle=True)
+    with pytest.raises(BadFile, match=r"sim\.npz"):
+        open_recording(folder)

@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+
+from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID
+from evimo.scene.objects import LARGEST, SMALLEST, compound, reach
+from evimo.scene.paint import Paint
+
+
+def is_inside(part, points):
+    """Whether points (N, 3) of the body are within a part."""
+    x, y, z = ((points - part.position) @ part.rotation / part.half).T
+    if part.shape == BOX:
+        return np.maximum(np.maximum(abs(x), abs(y)), abs(z)) <= 1
+    if part.shape == ELLIPSOID:
+        return x**2 + y**2 + z**2 <= 1
+    return (x**2 + y**2 <= 1) & (abs(z) <= 1)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_parts_touch_and_the_whole_is_as_large_as_a_hand_or_a_shoebox(seed, bank):
+    rng = np.random.default_rng(seed)
+    parts = compound(rng, Paint(bank, 0.5, (0.5, 2), (0.1, 0.3)))
+    share = np.linspace(0, 1, 500)[:, None]
+    joined = {0}
+    for _ in parts:
+        for i, part in enumerate(parts):
+            between = [part.position + share * (parts[j].position - part.position) for j in joined]
+            if any((is_inside(part, b) & is_inside(parts[j], b)).any() for j, b in zip(joined, between, strict=True)):
+                joined = joined | {i}
+    assert joined == set(range(len(parts)))
+    points = rng.uniform(-LARGEST, LARGEST, (100_000, 3))
+    extent = np.ptp(points[np.any([is_inside(part, points) for part in parts], axis=0)], axis=0).max()
+    assert 0.6 * SMALLEST < extent <= LARGEST * 1.01
+
+
+@pytest.mark.parametrize("shape", [BOX, ELLIPSOID, CYLINDER])
+def test_reach_ends_at_the_surface(shape, bank):
+    rng = np.random.default_rng(0)
+    part = next(
+        p for _ in range(100) for p in compound(rng, Paint(bank, 0.5, (0.5, 2), (0.1, 0.3))) if p.shape == shape
+    )
+    way = rng.normal(size=(50, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    ends = np.array([reach(shape, part.half, w) for w in way])[:, None] * way @ part.rotation.T
+    assert is_inside(part, part.position + 0.999 * ends).all()
+    assert not is_inside(part, part.position + 1.001 * ends).any()
