@@ -2,9 +2,9 @@
 
     python bench/evidence.py FOLDER... [--slices 300]
 
-FOLDER holds simulated recordings (`evimo simulate`). Printed is the mean error of compressed flow u / (1 + |u| / 3), in px
-of half the image per slice, at pixels with events, by true speed; "no motion" is what a flow of zero gets, "best of all"
-what choosing the best candidate at every pixel would get.
+FOLDER holds simulated recordings (`evimo simulate`). Printed is the mean error of compressed flow u / (1 + |u| / 3), in
+px of half the image per slice, at pixels with events, by true speed; "no motion" is what a flow of zero gets, "best of
+all" what choosing the best candidate at every pixel would get.
 """
 
 import argparse

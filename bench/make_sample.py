@@ -1,4 +1,4 @@
-"""Make the recording that ships in the package: two simulated seconds of a calm tabletop, one file in the EV-IMO layout.
+"""Make the recording that ships in the package: two simulated seconds of a calm tabletop, in the EV-IMO layout.
 
 python bench/make_sample.py [--out src/evimo/samples/tabletop.npz]
 """
