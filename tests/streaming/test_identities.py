@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from evimo.streaming.identities import MEMORY, Identities
+from evimo.streaming.identities import LASTING, MEMORY, Identities
 
 SIZE = (40, 120)
 
@@ -24,6 +24,14 @@ def test_ids_stay_when_the_order_of_labels_changes():
     second = identities.follow(labelled((51, 10, 61, 20), (11, 10, 21, 20)))
     assert at(first, 15, 15) == at(second, 15, 15) == 1
     assert at(first, 55, 15) == at(second, 55, 15) == 2
+
+
+def test_flicker_does_not_last():
+    identities = Identities()
+    for turn in range(2 * LASTING):
+        boxes = [(10, 10, 20, 20)] + [(50, 10, 60, 20)] * (turn < LASTING - 1) + [(80, 30, 90, 40)] * (turn % 2)
+        identities.follow(labelled(*boxes))
+    assert (identities.given, identities.lasting) == (3, 2)  # one was always there, one every other time
 
 
 def test_two_that_pass_each_other_keep_their_ids():

@@ -136,9 +136,9 @@ def _told(saved: "Saved") -> str:
     """The headline numbers and the files."""
     facts = saved.summary
     end = "stopped early; all files are complete up to there: " if facts["interrupted"] else ""
-    objects = facts["objects_seen"]
+    objects, lasting = facts["objects_seen"], facts["objects_seen_for_100_ms"]
     headline = (
         f"{end}{facts['slices']} slices at {facts['slices_per_s']:.1f} slices/s, "
-        f"{objects} moving object{'' if objects == 1 else 's'} seen"
+        f"{objects} moving object{'' if objects == 1 else 's'} seen, {lasting} for 0.1 s or longer"
     )
     return "\n".join([headline, *(f"  {path}" for path in saved.files)])

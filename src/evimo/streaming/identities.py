@@ -1,6 +1,7 @@
 """Ids carried over slices by overlap."""
 
 from collections import deque
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from evimo.streaming.tallies import shared_pixels
 U1 = NDArray[np.uint8]
 
 MEMORY = 4  # slices for which an object may be lost and keep its id: 0.1 s
+LASTING = 4  # slices after which an object is no flicker: 0.1 s
 LEAST_OVERLAP = 0.05  # intersection over union; chance overlaps of a crumb are smaller
 MOST = 255  # ids in a byte, 0 being the background
 
@@ -20,11 +22,13 @@ class Identities:
     A region lost for up to `MEMORY` slices gets its id back where it was last seen. Ids are 1...255; those given up
     longest ago are used again first, and no id is ever in two places.
 
-    given: how many new ids there were.
+    given:   how many new ids there were.
+    lasting: how many of them were seen in `LASTING` slices or more.
     """
 
     def __init__(self) -> None:
-        self.given = 0
+        self.given = self.lasting = 0
+        self._seen: dict[int, int] = {}  # known id to slices in which it was seen
         self._last: U1 | None = None  # where each known id was last seen, newer over older
         self._missed: dict[int, int] = {}  # known id to slices since it was seen
         self._free = deque(range(1, MOST + 1))
@@ -39,6 +43,7 @@ class Identities:
             if label not in ids:
                 ids[label] = self._fresh(last)
                 self._missed[ids[label]] = 0
+        self._count(ids.values())
         table = np.zeros(256, np.uint8)
         table[list(ids)] = list(ids.values())
         found = table[labels]
@@ -66,8 +71,13 @@ class Identities:
             if self._missed[number] > MEMORY:
                 self._give_up(number)
 
+    def _count(self, present: Iterable[int]) -> None:
+        for number in present:
+            self._seen[number] = self._seen.get(number, 0) + 1
+            self.lasting += self._seen[number] == LASTING
+
     def _give_up(self, number: int) -> None:
-        del self._missed[number]
+        del self._missed[number], self._seen[number]
         self._free.append(number)
 
     def _fresh(self, last: U1) -> int:

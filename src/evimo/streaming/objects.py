@@ -29,6 +29,11 @@ class ObjectFinder:
         """How many objects got a new id."""
         return self._identities.given
 
+    @property
+    def objects_lasting(self) -> int:
+        """How many of them were seen for 0.1 s or longer."""
+        return self._identities.lasting
+
     def estimate(self, answer: Answer, *, start_us: int, stop_us: int) -> Estimate:
         """The estimate of the next slice [start_us, stop_us)."""
         moving = (answer.moving > 0.5) & self._rectification.image_valid

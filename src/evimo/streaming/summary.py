@@ -16,7 +16,7 @@ class Course:
     """How a run went.
 
     slices:      finished.
-    startup_s:   from the first look at the recording to the first estimate.
+    startup_s:   from opening the outputs to the first estimate.
     running_s:   from there until the last output was complete.
     interrupted: stopped by the user before the end of its span.
     """
@@ -55,6 +55,7 @@ def summary(run: Run, course: Course, *, settings: dict[str, Any], warnings: Seq
         "running_s": round(course.running_s, 3),
         "stages_ms": run.stopwatch.mean_ms(course.slices),
         "objects_seen": run.finder.objects_seen,
+        "objects_seen_for_100_ms": run.finder.objects_lasting,
         "invalid_pixels": rectification.invalid,
         "dropped_events": {
             "without_place_in_image": run.stacks.dropped,
