@@ -11,7 +11,7 @@ from torch import Tensor
 def pixel_grid(image: Float[Tensor, "*batch C H W"]) -> Float[Tensor, "2 H W"]:
     """Column and row of each pixel of an image, px.
 
-    Counted from the image's own values, not from its shape: an exporter may freeze a shape, and the graph must take any.
+    Counted from the values, not from the shape: an exporter may freeze a shape, and the graph must take any.
     """
     while image.dim() > 2:
         image = image[0]
