@@ -36,6 +36,11 @@ def test_every_command_explains_itself(name, capsys):
     assert f"evimo {name}" in capsys.readouterr().out
 
 
+def test_a_command_tells_more_of_itself_than_the_list_does(capsys):
+    main(["run", "--help"])
+    assert "estimates.h5" in capsys.readouterr().out.split("Parameters")[0]
+
+
 def test_version(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.strip()[0].isdigit()

@@ -24,12 +24,12 @@ COMMANDS = {
 WRONG_INPUT, INTERRUPTED = 2, 130
 
 
-def app() -> App:
-    """The parser of all commands."""
+def app(wanted: str = "") -> App:
+    """The parser of all commands; `wanted` explains itself by its whole docstring, the others by one line, unloaded."""
     about = "Moving objects, depth and motion from an event camera."
     parser = App(name="evimo", help=about, version=_version, suppress_keyboard_interrupt=False)
     for name, summary in COMMANDS.items():
-        parser.command(f"evimo.cli.{name}:{name}", name=name, help=summary)
+        parser.command(f"evimo.cli.{name}:{name}", name=name, help=None if name == wanted else summary)
     return parser
 
 
@@ -39,9 +39,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: as after the program's name; None takes those of the process.
     """
+    arguments = sys.argv[1:] if arguments is None else arguments
     try:
         with _warnings_in_one_line():
-            code = app()(arguments, exit_on_error=False, result_action="return_value")
+            code = app(*arguments[:1])(arguments, exit_on_error=False, result_action="return_value")
     except CycloptsError:  # it has printed what is wrong with the arguments
         return WRONG_INPUT
     except EvimoError as error:
