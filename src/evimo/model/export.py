@@ -1,6 +1,5 @@
 """A trained model to one ONNX graph: geometry and mixture inside, any image size, no torch to run it."""
 
-import io
 import json
 import os
 import tempfile
@@ -57,21 +56,21 @@ def export(model: MotionNet, path: Path) -> None:
         torch.tensor([[0.75 * width, 0.75 * width, width / 2, height / 2]]),
     )
     free = {"padded_frames": {3: "height", 4: "width"}, "padded_valid": {2: "height", 3: "width"}}
-    buffer = io.BytesIO()
-    with warnings.catch_warnings(), torch.no_grad():
+    with warnings.catch_warnings(), torch.no_grad(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")  # the exporter's own, about itself
+        traced = Path(folder) / "traced.onnx"
         # By tracing: the exporter of torch.export takes ten minutes over this graph's symbolic sizes.
         torch.onnx.export(
             Deployed(model).eval(),
             example,
-            buffer,
+            str(traced),
             dynamo=False,
             opset_version=18,
             input_names=["padded_frames", "padded_valid", "intrinsics"],
             output_names=[f"padded_{name}" if name != "ego" else name for name in OUTPUTS],
             dynamic_axes=free,
         )
-    proto = padded_and_cropped(folded(buffer.getvalue()), stride)
+        proto = padded_and_cropped(folded(traced), stride)
     entry = proto.metadata_props.add()
     entry.key, entry.value = "config", json.dumps(asdict(model.config))
     onnx.checker.check_model(proto)
@@ -80,15 +79,14 @@ def export(model: MotionNet, path: Path) -> None:
     partial.replace(path)
 
 
-def folded(traced: bytes) -> onnx.ModelProto:
+def folded(traced: Path) -> onnx.ModelProto:
     """The graph with constants folded and dead ends cut: half as many nodes, and quick to load."""
     options = onnxruntime.SessionOptions()
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
     options.log_severity_level = 3
-    with tempfile.TemporaryDirectory() as folder:
-        options.optimized_model_filepath = str(Path(folder) / "folded.onnx")
-        onnxruntime.InferenceSession(traced, options, providers=["CPUExecutionProvider"])
-        return onnx.load(options.optimized_model_filepath)
+    options.optimized_model_filepath = str(traced.with_name("folded.onnx"))
+    onnxruntime.InferenceSession(str(traced), options, providers=["CPUExecutionProvider"])
+    return onnx.load(options.optimized_model_filepath)
 
 
 def padded_and_cropped(core: onnx.ModelProto, stride: int) -> onnx.ModelProto:

@@ -78,18 +78,26 @@ def recording_folders(paths: list[Path]) -> list[Path]:
 
 
 def prepare(folder: Path) -> Path:
-    """Write the arrays of `Prepared` into the recording's own folder, if they are not there yet; returns where."""
+    """Write the arrays of `Prepared` into the recording's own folder, if they are not there yet; returns where.
+
+    Raises:
+        BadFile: the recording is damaged, or has no truth.
+    """
     target = folder / f"prepared_v{FORMAT}"
     if target.exists():
         return target
     partial = folder / f".partial-{os.getpid()}"
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir()
-    arrays, intrinsics = _arrays(open_recording(folder))
-    for name, values in arrays.items():
-        np.save(partial / f"{name}.npy", values)
-    (partial / "camera.json").write_text(json.dumps({"intrinsics": intrinsics}))
-    partial.rename(target)
+    try:
+        arrays, intrinsics = _arrays(open_recording(folder))
+        for name, values in arrays.items():
+            np.save(partial / f"{name}.npy", values)
+        (partial / "camera.json").write_text(json.dumps({"intrinsics": intrinsics}))
+        if not target.exists():  # another process may have been faster
+            partial.rename(target)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
     return target
 
 
@@ -104,13 +112,15 @@ def open_prepared(folder: Path) -> Prepared:
         arrays = {
             name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in NAMES + EVENT_NAMES
         }
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, EOFError, ValueError, KeyError, TypeError) as error:
         raise BadFile(f"{folder} is damaged: {error}", fix="delete it; it is made again") from error
     return Prepared(intrinsics, **arrays)
 
 
 def _arrays(recording: Recording) -> tuple[dict[str, NDArray[Any]], list[float]]:
     """Everything of one recording, by name, and its rectified intrinsics."""
+    if not len(recording):
+        raise BadFile(f"{recording.path} has no slice with truth", fix="simulate at least 0.025 s")
     rectification = rectified(recording.camera)
     maker = FrameMaker(PixelTable(*rectification.table()))
     stop_us = int(recording.times_us[-1]) + SLICE_US // 2

@@ -2,7 +2,7 @@
 
 import csv
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -83,7 +83,7 @@ def _allow_open_files(count: int) -> None:
 
 
 @contextmanager
-def log_rows(path: Path) -> Iterator[Callable[[int, dict[str, float]], None]]:
+def log_rows(path: Path) -> Generator[Callable[[int, dict[str, float]], None]]:
     """A function that appends a step's loss terms to a CSV file."""
     known = path.exists()
     with path.open("a", newline="") as file:

@@ -1,0 +1,97 @@
+import csv
+import os
+import subprocess
+import sys
+
+import numpy as np
+import onnxruntime
+import pytest
+
+from evimo.cli import main
+from evimo.simulate.dataset import DatasetPlan, simulate_dataset
+
+LEFT = ["log.csv", "model.onnx", "model.safetensors", "state.safetensors"]
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Two simulated recordings of 0.1 s and 64x48 px."""
+    out = tmp_path_factory.mktemp("simulated")
+    plan = DatasetPlan(set_number=1, minutes=0.2 / 60, seed=3, seconds=0.1, camera="evimo", size=(48, 64))
+    assert len(list(simulate_dataset(plan, out))) == 2
+    return out
+
+
+@pytest.fixture(scope="module")
+def run(recordings, tmp_path_factory):
+    """A finished run of three steps, and the arguments that made it."""
+    out = tmp_path_factory.mktemp("run")
+    options = ["--out", str(out), "--steps", "3", "--batch", "2", "--threads", "1"]
+    arguments = ["train", str(recordings), *options]
+    # In a process of its own: tests check the shapes of every call, which the exporter would trace.
+    trained(arguments)
+    return out, arguments
+
+
+def trained(arguments):
+    command = [sys.executable, "-m", "evimo.cli", *arguments]
+    subprocess.run(command, check=True, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+
+
+@pytest.mark.slow
+def test_a_run_leaves_a_model_to_train_one_to_run_and_a_log(run):
+    out, _ = run
+    assert sorted(path.name for path in out.iterdir()) == LEFT
+    with (out / "log.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["step"] for row in rows] == ["1", "2", "3"]
+    assert all(np.isfinite(float(row["loss"])) for row in rows)
+    session = onnxruntime.InferenceSession(out / "model.onnx", providers=["CPUExecutionProvider"])
+    assert [one.name for one in session.get_inputs()] == ["frames", "valid", "intrinsics"]
+
+
+@pytest.mark.slow
+def test_the_same_command_goes_on_where_it_stopped(run):
+    out, arguments = run
+    before = (out / "model.safetensors").read_bytes()
+    trained(arguments)  # all three steps are done
+    assert (out / "model.safetensors").read_bytes() == before
+    assert len((out / "log.csv").read_text().splitlines()) == 4
+
+
+@pytest.mark.slow
+def test_other_options_in_the_same_folder_are_refused(run, capsys):
+    _, arguments = run
+    assert main([*arguments, "--seed", "1"]) == 2
+    assert "another seed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--preset", "huge"], "no model 'huge'"),
+        (["--recipe", "soup"], "no recipe 'soup'"),
+        (["--preset", "missing.safetensors"], "no model 'missing.safetensors'"),
+    ],
+)
+def test_a_wrong_name_is_one_clear_error(options, words, recordings, tmp_path, capsys):
+    assert main(["train", str(recordings), "--out", str(tmp_path / "run"), *options]) == 2
+    said = capsys.readouterr().err
+    assert f"error: {words}" in said and "try: one of" in said
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_empty_folder_is_one_clear_error(tmp_path, capsys):
+    assert main(["train", str(tmp_path), "--out", str(tmp_path / "run")]) == 2
+    assert "evimo simulate" in capsys.readouterr().err
+
+
+def test_no_folder_at_all_is_one_clear_error(tmp_path, capsys):
+    assert main(["train", "--out", str(tmp_path / "run")]) == 2
+    assert "Traceback" not in "".join(capsys.readouterr())
+
+
+def test_without_torch_it_says_what_to_install(recordings, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    assert main(["train", str(recordings), "--out", str(tmp_path / "run")]) == 2
+    assert "evimo[train]" in capsys.readouterr().err

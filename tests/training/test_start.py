@@ -1,0 +1,73 @@
+import csv
+from dataclasses import replace
+
+import pytest
+
+from evimo.errors import NotFound
+from evimo.training import start as module
+from evimo.training.config import TrainConfig
+from evimo.training.start import log_rows, sample_groups, start
+
+
+@pytest.fixture
+def on_disk(monkeypatch, recording, tmp_path):
+    """Folders whose prepared recordings are known worlds of two sizes."""
+    worlds = {}
+    for name, size in (("a", (18, 36)), ("b", (36, 18)), ("c", (18, 36))):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "dataset_sim.npz").touch()
+        worlds[tmp_path / name] = recording(size=size, slices=3)
+    monkeypatch.setattr(module, "prepare", lambda folder: folder)
+    monkeypatch.setattr(module, "open_prepared", worlds.__getitem__)
+    return tmp_path
+
+
+def test_samples_are_grouped_by_the_size_of_their_images(on_disk):
+    told = []
+    groups = sample_groups([on_disk], lambda *progress: told.append(progress))
+    assert sorted((group.recordings[0].valid.shape, len(group)) for group in groups) == [((18, 36), 6), ((36, 18), 3)]
+    assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path):
+    config = TrainConfig(steps=1, batch=1)
+
+    def started(config):
+        return start([on_disk], "tiny", config, tmp_path / "run", progress=lambda *_: None)
+
+    one, same, other = started(config), started(config), started(replace(config, seed=1))
+    weights = [next(iter(trainer.model.parameters())) for trainer in (one, same, other)]
+    assert weights[0].equal(weights[1]) and not weights[0].equal(weights[2])
+    one.run(lambda *_: None)
+    assert started(config).step == 1
+
+
+def test_a_wrong_preset_is_said_before_anything_is_prepared(tmp_path):
+    with pytest.raises(NotFound, match="huge"):
+        start([tmp_path], "huge", TrainConfig(), tmp_path, progress=lambda *_: pytest.fail("too late"))
+
+
+def test_an_empty_folder(tmp_path):
+    with pytest.raises(NotFound, match="evimo simulate"):
+        sample_groups([tmp_path], lambda *_: None)
+
+
+def test_the_log_goes_on_under_one_header(tmp_path):
+    for step in (1, 2):
+        with log_rows(tmp_path / "log.csv") as row:
+            row(step, {"loss": 1 / step, "mask": 0.25})
+    with (tmp_path / "log.csv").open() as file:
+        assert list(csv.reader(file)) == [["step", "loss", "mask"], ["1", "1", "0.25"], ["2", "0.5", "0.25"]]
+
+
+def test_more_recordings_than_files_may_be_open(monkeypatch, on_disk):
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limits[1] != resource.RLIM_INFINITY and limits[1] < 600:
+        pytest.skip("the hard limit is too low to be raised")
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits[1]))
+        sample_groups([on_disk], lambda *_: None)
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] > 512
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
