@@ -50,7 +50,7 @@ def test_differences_are_per_px():
 def test_a_moved_pattern_shows_its_displacement(waves, shift):
     found = products(*(waves(n, *shift) for n in (-1, 0, 1))).windowed(4, 2.0)
     inner = local_motion(found)[0, :, 3:-3, 3:-3].flatten(1).mean(1)
-    # The ridge shrinks every displacement, by 0.07 / (0.5 + 0.07) where contrast is spread evenly, by more where it is not.
+    # The ridge shrinks every displacement: by 0.07 / (0.5 + 0.07) where contrast is spread evenly, else by more.
     torch.testing.assert_close(inner, torch.tensor(shift), atol=0.04, rtol=0.4)
 
 

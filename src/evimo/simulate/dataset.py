@@ -1,5 +1,6 @@
 """Many recordings, each from its own seed: resumable, in one process or several."""
 
+import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -8,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import get_context
 from pathlib import Path
 
+import numba
 import numpy as np
 
 from evimo.errors import BadInput
@@ -66,13 +68,20 @@ def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Itera
     if workers <= 1:
         yield from map(partial(write_recording, plan, out), missing)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    context, prepare = get_context("spawn"), partial(_prepare_worker, workers)
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=prepare) as pool:
         jobs = [pool.submit(write_recording, plan, out, seed) for seed in missing]
         try:
             for job in as_completed(jobs):
                 yield job.result()
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _prepare_worker(workers: int) -> None:
+    """Share the cores; leave Ctrl-C to the parent, which then waits for the recordings that are under way."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    numba.set_num_threads(max(1, numba.get_num_threads() // workers))
 
 
 def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:
