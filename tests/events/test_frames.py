@@ -8,8 +8,7 @@ from scipy.sparse import coo_array
 
 from evimo.errors import BadInput
 from evimo.events.events import Events, no_events
-from evimo.events.frames import COUNT_LIMIT, FrameMaker, PixelTable, Stacks, event_frame, identity_table
-from evimo.events.slices import Slice, in_slices
+from evimo.events.frames import COUNT_LIMIT, FrameMaker, PixelTable, event_frame, identity_table
 
 
 def events_of(*rows):
@@ -175,53 +174,3 @@ def test_tables_that_cannot_be_are_refused():
     for wrong in (PixelTable(x[1:], y, valid, height, width), PixelTable(x, y, valid, 0, width)):
         with pytest.raises(BadInput):
             FrameMaker(wrong)
-
-
-def slices_of(count):
-    """Slice k has k + 1 events."""
-    return [Slice(k, k * 10, k * 10 + 10, events_of(*[(0, 0, k * 10, 1)] * (k + 1))) for k in range(count)]
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 30])
-@pytest.mark.parametrize("length", [1, 3, 5])
-def test_every_slice_is_the_centre_once_and_missing_neighbours_are_zero(count, length):
-    stacks = Stacks(slices_of(count), identity_table(1, 2), length=length)
-    seen = [(centre.index, frames[:, 0, 0, 0].tolist()) for centre, frames in stacks]
-    half = length // 2
-    expected = [(k, [n + 1 if 0 <= n < count else 0 for n in range(k - half, k + half + 1)]) for k in range(count)]
-    assert seen == expected
-    assert (stacks.total, stacks.dropped) == (count * (count + 1) // 2, 0)
-
-
-def test_stacks_are_contiguous_and_hold_whole_frames():
-    events = random_events(3000, (5, 6), np.random.default_rng(2), dt_us=500_000)
-    table = shifted_table(5, 6, 0.25, -0.25)
-    slices = list(in_slices([events]))
-    alone = [event_frame(each.events, table, start_us=each.start_us) for each in slices]
-    for centre, frames in Stacks(slices, table):
-        assert frames.shape == (5, 3, 5, 6) and frames.flags.c_contiguous
-        assert (frames[2] == alone[centre.index - slices[0].index]).all()
-
-
-def test_stacks_lag_by_no_more_than_half_their_length():
-    asked = []
-
-    def slices():
-        for each in slices_of(10):
-            asked.append(each.index)
-            yield each
-
-    assert [(centre.index, asked[-1]) for centre, _ in Stacks(slices(), identity_table(1, 1))][:8] == [
-        (k, k + 2) for k in range(8)
-    ]
-
-
-def test_each_slice_is_turned_into_a_frame_once():
-    stacks = Stacks(slices_of(40), identity_table(1, 1))
-    list(stacks)
-    assert stacks.total == sum(range(41))
-
-
-def test_a_stack_has_a_middle():
-    with pytest.raises(BadInput, match="no middle"):
-        Stacks([], identity_table(1, 1), length=4)

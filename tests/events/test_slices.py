@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import evimo.events.slices as slices_module
 from evimo.errors import BadFile, BadInput
 from evimo.events.events import Events, joined, no_events
-from evimo.events.slices import SLICE_US, in_slices
+from evimo.events.slices import SLICE_US, in_slices, in_stacks
 
 FAR = 2**62
 HOUR_US = 3_600_000_000
@@ -151,3 +151,27 @@ def test_time_is_linear_as_no_event_is_copied_twice(monkeypatch, size, dt_us):
     count = sum(1 for _ in in_slices([whole.part(first, first + size) for first in range(0, 2000, size)], dt_us))
     assert count == len(copied) == 9995 // dt_us
     assert sum(copied) <= 2000
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 30])
+@pytest.mark.parametrize("length", [1, 3, 5])
+def test_every_item_is_the_middle_of_one_stack_and_missing_neighbours_are_nothing(count, length):
+    half = length // 2
+    expected = [tuple(n if 0 <= n < count else None for n in range(k - half, k + half + 1)) for k in range(count)]
+    assert list(in_stacks(range(count), None, length=length)) == expected
+
+
+def test_stacks_lag_by_no_more_than_half_their_length():
+    asked = []
+
+    def items():
+        for each in range(10):
+            asked.append(each)
+            yield each
+
+    assert [(stack[2], asked[-1]) for stack in in_stacks(items(), -1)][:8] == [(k, k + 2) for k in range(8)]
+
+
+def test_a_stack_has_a_middle():
+    with pytest.raises(BadInput, match="no middle"):
+        next(in_stacks([], None, length=4))

@@ -16,13 +16,19 @@ START_US = 1_000_012_345  # far from zero and off the grid
 
 
 @pytest.fixture(scope="session")
-def fake_network(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Path of the fake network (fake_network.py)."""
+def make_fake_network() -> Callable[..., Path]:
+    """`save_fake_network` of fake_network.py."""
     spec = spec_from_file_location("fake_network", Path(__file__).with_name("fake_network.py"))
     assert spec and spec.loader
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.save_fake_network(tmp_path_factory.mktemp("model") / "fake.onnx")
+    return module.save_fake_network
+
+
+@pytest.fixture(scope="session")
+def fake_network(make_fake_network: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Path of the fake network."""
+    return make_fake_network(tmp_path_factory.mktemp("model") / "fake.onnx")
 
 
 @pytest.fixture

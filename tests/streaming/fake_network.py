@@ -7,24 +7,25 @@ from onnx import parser
 
 MODEL = """
 <ir_version: 10, opset_import: ["": 18]>
-fake (float[1, 5, 3, {h}, {w}] frames, float[1, 1, {h}, {w}] valid, float[1, 4] intrinsics)
+fake (float[1, 15, {h}, {w}] image, float[1, 22, a, b] evidence, float[1, 1, {h}, {w}] valid, float[1, 4] intrinsics)
   => (float[1, 1, {h}, {w}] moving, float[1, 1, {h}, {w}] rel_depth, float[1, 6] ego,
       float[1, 3, {h}, {w}] velocity, float[1, 2, {h}, {w}] flow)
 {{
-  middle = Constant <value_int = 2> ()
-  centre = Gather <axis = 1> (frames, middle)
-  positive, negative, time = Split <axis = 1, num_outputs = 3> (centre)
+  at_positive = Constant <value_ints = [4]> ()
+  at_negative = Constant <value_ints = [5]> ()
+  positive = Gather <axis = 1> (image, at_positive)
+  negative = Gather <axis = 1> (image, at_negative)
   count = Add (positive, negative)
-  half = Constant <value_float = 0.5> ()
-  busy = Greater (count, half)
+  least = Constant <value_float = 0.2> ()
+  busy = Greater (count, least)
   probability = Cast <to = 1> (busy)
   moving = Mul (probability, valid)
-  all_frames = Constant <value_ints = [1, 2]> ()
-  activity = ReduceMean <keepdims = 0> (frames, all_frames)
-  first = Constant <value_ints = [1]> ()
-  plane = Unsqueeze (activity, first)
+  channels = Constant <value_ints = [1]> ()
+  activity = ReduceMean <keepdims = 1> (image, channels)
+  seen = ReduceMean <keepdims = 1> (evidence)
+  nearly = Add (activity, seen)
   one = Constant <value_float = 1.0> ()
-  rel_depth = Add (plane, one)
+  rel_depth = Add (nearly, one)
   sign = Sub (positive, negative)
   nothing = Sub (sign, sign)
   velocity = Concat <axis = 1> (sign, nothing, nothing)
@@ -37,15 +38,14 @@ fake (float[1, 5, 3, {h}, {w}] frames, float[1, 1, {h}, {w}] valid, float[1, 4] 
 """
 
 
-def save_fake_network(path: Path, *, size: tuple[int, int] | None = None, config: str = '{"hidden": 8}') -> Path:
-    """Save it for any image size, or for one (height, width) only.
+def save_fake_network(path: Path, **facts: str) -> Path:
+    """Save it for any image size, with other metadata if `facts` are given.
 
-    moving: 1 where the reference slice has an event; rel_depth: 1 + mean of all 15 frames; ego: fx fy cx cy 5 6;
-    velocity and flow: (positive - negative count, 0, …).
+    moving: 1 where the reference slice has an event; rel_depth: 1 + mean of all 15 channels + mean evidence; ego: fx fy
+    cx cy 5 6; velocity and flow: (positive - negative log count, 0, …).
     """
-    height, width = size or ("h", "w")
-    model = parser.parse_model(MODEL.format(h=height, w=width))
-    onnx.helper.set_model_props(model, {"config": config})
+    model = parser.parse_model(MODEL.format(h="h", w="w"))
+    onnx.helper.set_model_props(model, {"config": '{"hidden": 8}', "stride": "4", "evidence_reduction": "2"} | facts)
     onnx.checker.check_model(model)
     onnx.save(model, str(path))
     return path

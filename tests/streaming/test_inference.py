@@ -1,5 +1,4 @@
 import hashlib
-from pathlib import Path
 
 import numpy as np
 import onnx
@@ -11,27 +10,38 @@ from evimo.streaming.inference import Network, presets
 
 
 def test_answers_are_those_of_the_fake_network(fake_network):
-    frames = np.zeros((5, 3, 6, 8), np.float32)
-    frames[2, 0, 1, 3] = 2  # two ON events
-    frames[2, 1, 4, 5] = 1
-    frames[0, 0] = 15  # mean over the 15 frames: 1 everywhere, 15 / 15
+    image = np.zeros((15, 6, 8), np.float32)
+    image[4, 1, 3] = 2  # positive events of the middle slice
+    image[5, 4, 5] = 1
+    image[0] = 15  # 1 on average over the 15 channels
     valid = np.ones((6, 8), np.float32)
     valid[4, 5] = 0
-    answer = Network(fake_network).estimate(frames, valid=valid, intrinsics=np.array((1, 2, 3, 4), np.float32))
+    evidence = np.full((22, 3, 4), 0.5, np.float32)
+    answer = Network(fake_network).estimate(image, evidence, valid=valid, intrinsics=np.array((1, 2, 3, 4), np.float32))
     assert np.argwhere(answer.moving).tolist() == [[1, 3]]
-    assert answer.rel_depth[0, 0] == 2
-    assert answer.rel_depth[1, 3] == pytest.approx(2 + 2 / 15)
+    assert answer.rel_depth[0, 0] == 2.5
+    assert answer.rel_depth[1, 3] == pytest.approx(2.5 + 2 / 15)
     assert answer.velocity.shape == (3, 6, 8)
     assert answer.velocity[0, 1, 3] == 2
     assert answer.flow.shape == (2, 6, 8)
     assert answer.ego.tolist() == [1, 2, 3, 4, 5, 6]
+    cropped = answer.cropped(2, 5)
+    assert [each.shape for each in cropped] == [(2, 5), (2, 5), (6,), (3, 2, 5), (2, 2, 5)]
+    assert np.argwhere(cropped.moving).tolist() == [[1, 3]]
 
 
 def test_it_knows_its_file(fake_network):
     network = Network(fake_network)
     assert network.sha256 == hashlib.sha256(fake_network.read_bytes()).hexdigest()
-    assert network.config == {"hidden": 8}
-    network.check_size((100, 7))
+    assert (network.config, network.stride, network.reduction) == ({"hidden": 8}, 4, 2)
+
+
+@pytest.mark.parametrize(
+    "facts", [{"config": "[]"}, {"config": "{"}, {"stride": "0"}, {"stride": "6"}, {"evidence_reduction": '"2"'}]
+)
+def test_a_file_that_does_not_say_how_its_images_are_made_is_refused(tmp_path, make_fake_network, facts):
+    with pytest.raises(BadFile, match="does not say how its images are made"):
+        Network(make_fake_network(tmp_path / "fake.onnx", **facts))
 
 
 def test_presets_are_the_packaged_files(monkeypatch, tmp_path, fake_network):
@@ -71,23 +81,10 @@ def test_another_network_is_refused(tmp_path):
     )
     path = tmp_path / "neg.onnx"
     onnx.save(model, str(path))
-    with pytest.raises(BadFile, match="lacks frames, valid"):
+    with pytest.raises(BadFile, match="lacks image, evidence, valid"):
         Network(path)
 
 
 def test_a_folder_is_not_found(tmp_path):
     with pytest.raises(NotFound):
         Network(tmp_path)
-
-
-def test_a_model_of_fixed_size_says_so(tmp_path, fake_network):
-    model = onnx.load(str(fake_network))
-    for value in (*model.graph.input, *model.graph.output):
-        for dimension in value.type.tensor_type.shape.dim:
-            if dimension.dim_param:
-                dimension.dim_value = {"h": 24, "w": 32}[dimension.dim_param]
-    path = Path(tmp_path / "fixed.onnx")
-    onnx.save(model, str(path))
-    Network(path).check_size((24, 32))
-    with pytest.raises(BadFile, match="32x24 only, not 346x260"):
-        Network(path).check_size((260, 346))

@@ -101,7 +101,7 @@ def test_invalid_pixels_are_one_warning_and_their_events_are_counted(discs, reco
         estimates = [estimate for estimate, _ in prepared.slices()]
     assert len(caught) == 1
     assert not estimates[0].valid.all()
-    assert prepared.stacks.dropped > 0
+    assert prepared.frames.dropped > 0
 
 
 def test_the_calibration_must_fit_the_sensor(discs, recorded, fake_network):
@@ -119,7 +119,7 @@ def test_each_slice_comes_with_its_events(discs, recorded, fake_network, camera)
 def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
     prepared = Run(recorded(discs), Network(fake_network), camera=camera)
     count = len(list(prepared.slices()))
-    assert set(prepared.stopwatch.mean_ms(count)) == {"reading", "slicing", "frames", "networks", "objects"}
+    assert set(prepared.stopwatch.mean_ms(count)) == {"reading", "slicing", "frames", "evidence", "networks", "objects"}
 
 
 def test_a_reader_that_fails_does_so_here_after_the_slices_before(discs, recorded, fake_network, camera):

@@ -1,9 +1,6 @@
 # pyright: basic
-"""Slices to event frames, and event frames to stacks: the one compiled pass over the events."""
+"""Slices to event frames: the one compiled pass over the events."""
 
-from collections import deque
-from collections.abc import Iterable, Iterator
-from itertools import chain, repeat
 from typing import NamedTuple
 
 import numba
@@ -12,7 +9,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadInput
 from evimo.events.events import Events
-from evimo.events.slices import SLICE_US, Slice
+from evimo.events.slices import SLICE_US
 
 F4 = NDArray[np.float32]
 
@@ -20,7 +17,6 @@ CHANNELS = 3
 COUNT_LIMIT = 65_535  # events added before the packed counters are emptied: none of their fields can overflow
 TIME_BITS = 15  # the same for the sum of times: 65535 x 32767 < 2^31; longer slices count time in coarser ticks
 CHUNK = 4096  # pixels decoded, then cleared while the cache still holds them
-SPARE = 8  # frames a stack's buffer holds beyond one stack; each time they are used up, one stack less one is moved
 
 
 class PixelTable(NamedTuple):
@@ -117,58 +113,6 @@ class FrameMaker:
         self.dropped += int(dropped)
         self.total += len(events)
         return image
-
-
-class Stacks:
-    """Slices to stacks of frames: for every slice, in order, the slice and the frames (length, 3, h, w) centred on it.
-
-    A neighbour before the first or after the last slice is a zero frame. The stack comes when its last slice is there,
-    length // 2 slices later. Every slice is turned into a frame once. The frames are a view of a ring buffer,
-    C-contiguous, and hold until the next step: copy them to keep them.
-
-    total, dropped: events so far, and those left out, as in `FrameMaker`.
-
-    Raises:
-        BadInput: the length is not an odd positive number.
-    """
-
-    def __init__(self, slices: Iterable[Slice], table: PixelTable, *, length: int = 5) -> None:
-        if length < 1 or length % 2 == 0:
-            raise BadInput(f"a stack of {length} frames has no middle", fix="an odd length, such as 5")
-        self._slices = slices
-        self._maker = FrameMaker(table)
-        self._length = length
-        self._buffer = np.zeros((2 * length + SPARE, CHANNELS, table.out_height, table.out_width), np.float32)
-
-    @property
-    def total(self) -> int:
-        """Events of all slices so far."""
-        return self._maker.total
-
-    @property
-    def dropped(self) -> int:
-        """Events left out so far."""
-        return self._maker.dropped
-
-    def __iter__(self) -> Iterator[tuple[Slice, F4]]:
-        buffer, length = self._buffer, self._length
-        ahead, history = length // 2, length - 1
-        buffer[:history] = 0
-        waiting: deque[Slice] = deque()
-        newest = history - 1
-        for count, one in enumerate(chain(self._slices, repeat(None, ahead))):
-            newest += 1
-            if newest == len(buffer):
-                buffer[:history] = buffer[newest - history :]
-                newest = history
-            if one is None:
-                buffer[newest] = 0
-            else:
-                waiting.append(one)
-                dt_us = one.stop_us - one.start_us
-                self._maker.frame(one.events, start_us=one.start_us, dt_us=dt_us, out=buffer[newest])
-            if count >= ahead and waiting:
-                yield waiting.popleft(), buffer[newest - history : newest + 1]
 
 
 # The kernels add each event to one packed counter per sensor pixel: sum of ticks in the upper 32 bits, positive and

@@ -1,12 +1,17 @@
 """Packets of any size to slices of one length."""
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain, repeat
+from typing import TypeVar
 
 import numpy as np
 
 from evimo.errors import BadFile, BadInput
 from evimo.events.events import Events, joined
+
+T = TypeVar("T")
 
 SLICE_US = 25_000
 LONGEST_GAP_US = 3_600_000_000  # one hour: a longer silence is a broken clock, and would be 144 000 empty slices
@@ -114,3 +119,22 @@ def _check_gap(before_us: int, after_us: int) -> None:
             f"no events for {(after_us - before_us) / 3.6e9:.1f} hours, from {before_us} to {after_us} us",
             fix="repair the clock of the recording, or cut it with --start and --stop",
         )
+
+
+def in_stacks(items: Iterable[T], nothing: T, *, length: int = 5) -> Iterator[tuple[T, ...]]:
+    """Around each item, in order, the stack of `length` items that it is the middle of.
+
+    A neighbour before the first or after the last item is `nothing`. A stack comes when its last item is there,
+    length // 2 items later.
+
+    Raises:
+        BadInput: the length is not an odd positive number.
+    """
+    if length < 1 or length % 2 == 0:
+        raise BadInput(f"a stack of {length} slices has no middle", fix="an odd length, such as 5")
+    half = length // 2
+    stack = deque([nothing] * length, length)
+    for count, item in enumerate(chain(items, repeat(nothing, half))):
+        stack.append(item)
+        if count >= half:
+            yield tuple(stack)

@@ -15,8 +15,8 @@ def pixel_grid(image: Float[Tensor, "*batch C H W"]) -> Float[Tensor, "2 H W"]:
     """
     while image.dim() > 2:
         image = image[0]
-    ones = image * 0 + 1
-    return torch.stack((ones.cumsum(-1) - 1, ones.cumsum(-2) - 1))
+    column, row = image[:1] * 0, image[:, :1] * 0
+    return torch.stack((row + ((column + 1).cumsum(-1) - 1), column + ((row + 1).cumsum(-2) - 1)))
 
 
 def normalised_grid(

@@ -33,10 +33,15 @@ def enlarged(image: Float[Tensor, "B C h w"], scale: int) -> Float[Tensor, "B C 
     return interpolate(image, scale_factor=float(scale), mode="bilinear", align_corners=False)
 
 
+def summed(image: Float[Tensor, "B C *size"]) -> Float[Tensor, "B 1 *size"]:
+    """Sum over few channels; ONNX Runtime adds several times faster than it reduces."""
+    return sum(image.split(1, dim=1)[1:], start=image[:, :1])
+
+
 def shares(logits: Float[Tensor, "B C H W"]) -> Float[Tensor, "B C H W"]:
     """Softmax over the channels; bounded logits and a plain sum run several times faster in ONNX Runtime."""
     heights = logits.clamp(-20, 20).exp()
-    return heights / heights.sum(1, keepdim=True)
+    return heights / summed(heights)
 
 
 def before_convolution(channels: int, out: int) -> nn.Sequential:

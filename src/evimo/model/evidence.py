@@ -24,6 +24,7 @@ from evimo.model.lucas_kanade import (
 
 CANDIDATES = 5
 TRUSTS = 9
+CHANNELS = 2 * CANDIDATES + TRUSTS + 3
 FASTEST_PX = 6.0  # of half the image per slice: first guesses beyond it are noise
 
 
@@ -40,6 +41,12 @@ class Evidence(NamedTuple):
     motion: Tensor
     trust: Tensor
     across: Tensor
+
+    @classmethod
+    def unpacked(cls, channels: Float[Tensor, "B 22 h w"]) -> "Evidence":
+        """From all channels one after another, as the exported graph takes them."""
+        motion, trusts, across = channels.split((2 * CANDIDATES, TRUSTS, 3), dim=1)
+        return cls(motion.unflatten(1, (CANDIDATES, 2)), trusts, across)
 
 
 def evidence(counts: Float[Tensor, "B N 2 H W"], reduction: int) -> Evidence:

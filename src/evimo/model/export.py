@@ -7,55 +7,55 @@ import warnings
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
 import onnx
 import onnxruntime
 import torch
-from onnx import helper, numpy_helper
 from torch import Tensor, nn
 
-from evimo.model.backbone import enlarged
+from evimo.model.evidence import CHANNELS, Evidence
 from evimo.model.motion_net import MotionNet
 
-INPUTS = ("frames", "valid", "intrinsics")
+INPUTS = ("image", "evidence", "valid", "intrinsics")
 OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 
 
 class Deployed(nn.Module):
-    """The finest scale of a model, enlarged to the image's size."""
+    """The finest scale of a model, at half the size of the frames."""
 
     def __init__(self, model: MotionNet) -> None:
         super().__init__()
         self.model = model
 
-    def forward(self, frames: Tensor, valid: Tensor, intrinsics: Tensor) -> tuple[Tensor, ...]:
-        """The outputs in the order of `OUTPUTS`; sides of the images are multiples of the model's stride.
+    def forward(self, image: Tensor, evidence: Tensor, valid: Tensor, intrinsics: Tensor) -> tuple[Tensor, ...]:
+        """The outputs in the order of `OUTPUTS`; the images are half the padded frames (`MotionNet.padded`).
 
         Args:
-            frames: (1, N, 3, H, W) event frames.
-            valid: (1, 1, H, W) float, 1 where the lens sees the pixel.
-            intrinsics: (1, 4) fx fy cx cy, px.
+            image: (1, 3 N, h, w) log counts and mean times, see `MotionNet.answers`.
+            evidence: (1, 22, a, b) see `Evidence.unpacked`.
+            valid: (1, 1, h, w) share of each pixel that the lens sees.
+            intrinsics: (1, 4) fx fy cx cy of the full size, px.
 
         Returns:
-            moving (1, 1, H, W) probability; rel_depth (1, 1, H, W); ego (1, 6) mean depths per second and rad/s;
-            velocity (1, 3, H, W) of each pixel if it moves, mean depths per second; flow (1, 2, H, W) 1/s on Z = 1.
+            moving (1, 1, h, w) probability; rel_depth (1, 1, h, w); ego (1, 6) mean depths per second and rad/s;
+            velocity (1, 3, h, w) of each pixel if it moves, mean depths per second; flow (1, 2, h, w) 1/s on Z = 1.
         """
-        finest = self.model.padded(frames, valid, intrinsics)[-1]
-        maps = torch.cat((1 - finest.mixture[:, :1], finest.rel_depth, finest.object_velocity, finest.flow), dim=1)
-        moving, rel_depth, velocity, flow = enlarged(maps, 2).split((1, 1, 3, 2), dim=1)
-        return moving, rel_depth, finest.ego, velocity, flow
+        finest = self.model.answers(image, Evidence.unpacked(evidence), valid, intrinsics)[-1]
+        moving = 1 - finest.mixture[:, :1]
+        return moving, finest.rel_depth, finest.ego, finest.object_velocity, finest.flow
 
 
 def export(model: MotionNet, path: Path) -> None:
     """Write a model as ONNX that takes images of any size; the configuration is in its metadata under `config`."""
-    stride, slices = model.config.stride, model.config.slices
-    height, width = 8 * stride, 10 * stride
+    config = model.config
+    cell = config.stride // 2
+    height, width = 4 * cell, 5 * cell
     example = (
-        torch.rand(1, slices, 3, height, width),
+        torch.rand(1, 3 * config.slices, height, width),
+        torch.rand(1, CHANNELS, height // config.evidence_reduction, width // config.evidence_reduction),
         torch.ones(1, 1, height, width),
-        torch.tensor([[0.75 * width, 0.75 * width, width / 2, height / 2]]),
+        torch.tensor([[1.5 * width, 1.5 * width, width, height]]),
     )
-    free = {"padded_frames": {3: "height", 4: "width"}, "padded_valid": {2: "height", 3: "width"}}
+    free = {name: {2: "height", 3: "width"} for name in ("image", "valid", *(n for n in OUTPUTS if n != "ego"))}
     with warnings.catch_warnings(), torch.no_grad(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")  # the exporter's own, about itself
         traced = Path(folder) / "traced.onnx"
@@ -66,13 +66,15 @@ def export(model: MotionNet, path: Path) -> None:
             str(traced),
             dynamo=False,
             opset_version=18,
-            input_names=["padded_frames", "padded_valid", "intrinsics"],
-            output_names=[f"padded_{name}" if name != "ego" else name for name in OUTPUTS],
-            dynamic_axes=free,
+            input_names=list(INPUTS),
+            output_names=list(OUTPUTS),
+            dynamic_axes=free | {"evidence": {2: "cells_high", 3: "cells_wide"}},
         )
-        proto = padded_and_cropped(folded(traced), stride)
-    entry = proto.metadata_props.add()
-    entry.key, entry.value = "config", json.dumps(asdict(model.config))
+        proto = folded(traced)
+    facts = {"config": asdict(config), "stride": config.stride, "evidence_reduction": config.evidence_reduction}
+    for key, value in facts.items():
+        entry = proto.metadata_props.add()
+        entry.key, entry.value = key, json.dumps(value)
     onnx.checker.check_model(proto)
     partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
     onnx.save(proto, partial)
@@ -87,32 +89,3 @@ def folded(traced: Path) -> onnx.ModelProto:
     options.optimized_model_filepath = str(traced.with_name("folded.onnx"))
     onnxruntime.InferenceSession(str(traced), options, providers=["CPUExecutionProvider"])
     return onnx.load(options.optimized_model_filepath)
-
-
-def padded_and_cropped(core: onnx.ModelProto, stride: int) -> onnx.ModelProto:
-    """Put before a graph what pads any image to a multiple of the stride, and behind it what crops the maps again."""
-    graph = core.graph
-    constants = {"stride": [stride], "image_axes": [-2, -1], "origin": [0, 0]}
-    graph.initializer.extend(numpy_helper.from_array(np.array(v, np.int64), f"pad_{k}") for k, v in constants.items())
-    before = [
-        helper.make_node("Shape", ["valid"], ["pad_size"], start=-2),
-        helper.make_node("Neg", ["pad_size"], ["pad_negative"]),
-        helper.make_node("Mod", ["pad_negative", "pad_stride"], ["pad_missing"]),
-        helper.make_node("Concat", ["pad_origin", "pad_missing"], ["pad_amounts"], axis=0),
-        helper.make_node("Pad", ["frames", "pad_amounts", "", "pad_image_axes"], ["padded_frames"]),
-        helper.make_node("Pad", ["valid", "pad_amounts", "", "pad_image_axes"], ["padded_valid"]),
-    ]
-    maps = [name for name in OUTPUTS if name != "ego"]
-    behind = [
-        helper.make_node("Slice", [f"padded_{name}", "pad_origin", "pad_size", "pad_image_axes"], [name])
-        for name in maps
-    ]
-    nodes = [*before, *graph.node, *behind]
-    del graph.node[:]
-    graph.node.extend(nodes)
-    for value in (*graph.input, *graph.output):
-        if value.name.startswith("padded_"):
-            value.name = value.name.removeprefix("padded_")
-            for axis, letter in ((-2, "height"), (-1, "width")):
-                value.type.tensor_type.shape.dim[axis].dim_param = letter
-    return core

@@ -11,6 +11,7 @@ from evimo.geometry.grids import normalised_grid, resized_intrinsics
 from evimo.geometry.motion_field import motion_field, pixel_twist
 from evimo.model.backbone import reduced
 from evimo.model.depth_net import DepthNet
+from evimo.model.evidence import Evidence, evidence
 from evimo.model.pose_net import Geometry, PoseNet
 from evimo.model.presets import ModelConfig
 
@@ -56,6 +57,13 @@ def mean_one(depth: Tensor, valid: Tensor) -> Tensor:
     return depth * (valid.sum((1, 2, 3), keepdim=True) + 1e-6) / (total + 1e-6)
 
 
+def at_half_size(frames: Float[Tensor, "B N 3 H W"]) -> tuple[Tensor, Tensor]:
+    """Log counts (B, N, 2, h, w) and mean times about each slice's centre (B, N, h, w), at half the size."""
+    occupied = frames[:, :, :2].sum(2).clamp(max=1)
+    counts = reduced(frames[:, :, :2].flatten(1, 2), 2).log1p()
+    return counts.unflatten(1, (-1, 2)), reduced(frames[:, :, 2] - 0.5 * occupied, 2)
+
+
 class MotionNet(nn.Module):
     """Frames of five slices in; depth, egomotion, mixture and residual translations out, at every scale."""
 
@@ -89,13 +97,33 @@ class MotionNet(nn.Module):
         intrinsics: Float[Tensor, "B 4"],
     ) -> list[Prediction]:
         """As `forward`, of images whose sides are multiples of the configuration's stride."""
-        counts, times, seen = self._at_half_size(frames, valid)
-        middle, directions = self.config.slices // 2, [seen]
+        counts, times = at_half_size(frames)
+        image = torch.cat((counts.flatten(1, 2), times), dim=1)
+        return self.answers(image, evidence(counts, self.config.evidence_reduction), reduced(valid, 2), intrinsics)
+
+    def answers(
+        self,
+        image: Float[Tensor, "B C h w"],
+        found: Evidence,
+        valid: Float[Tensor, "B 1 h w"],
+        intrinsics: Float[Tensor, "B 4"],
+    ) -> list[Prediction]:
+        """What follows from images at half the frames' size; this part is exported.
+
+        Args:
+            image: log counts of all slices, positive and negative in turn, then their mean times (`at_half_size`).
+            found: local motion in them.
+            valid: share of the pixel that the lens sees.
+            intrinsics: of the full size, px.
+        """
+        slices = self.config.slices
+        middle = slices // 2
+        here = [image[:, 2 * middle : 2 * middle + 2], image[:, 2 * slices + middle : 2 * slices + middle + 1], valid]
         if self.config.coordinates:
-            directions.append(normalised_grid(resized_intrinsics(intrinsics, (2, 2), (1, 1)), seen))
-        depth = self.depth_net(torch.cat((counts[:, middle], times[:, middle : middle + 1], *directions), dim=1))
+            here.append(normalised_grid(resized_intrinsics(intrinsics, (2, 2), (1, 1)), valid))
+        depth = self.depth_net(torch.cat(here, dim=1))
         depth, scales = self._geometry(depth, valid, intrinsics)
-        answers = self.pose_net(torch.cat((counts.flatten(1, 2), times, seen), dim=1), counts, scales)
+        answers = self.pose_net(torch.cat((image, valid), dim=1), found, scales)
         per_second = SLICES_PER_S
         return [
             Prediction(
@@ -110,14 +138,6 @@ class MotionNet(nn.Module):
             for rel_depth, answer, scale, step in zip(depth, answers, scales, self.config.steps, strict=True)
         ]
 
-    def _at_half_size(self, frames: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Log counts (B, N, 2, h, w), mean times about the slice's centre (B, N, h, w), and `valid`, at half size."""
-        slices = self.config.slices
-        occupied = frames[:, :, :2].sum(2).clamp(max=1)
-        times = reduced(frames[:, :, 2] - 0.5 * occupied, 2)
-        counts = reduced(frames[:, :, :2].flatten(1, 2), 2).log1p()
-        return counts.unflatten(1, (slices, 2)), times, reduced(valid, 2)
-
     def _geometry(
         self, log_depth: list[Tensor], valid: Tensor, intrinsics: Tensor
     ) -> tuple[list[Tensor], list[Geometry]]:
@@ -126,7 +146,7 @@ class MotionNet(nn.Module):
         depths: list[Tensor] = []
         scales: list[Geometry] = []
         for step, scale in zip(self.config.steps, log_depth, strict=True):
-            seen = reduced(valid, step)
+            seen = reduced(valid, step // 2) if step > 2 else valid
             depth = mean_one(torch.exp(scale), seen)
             grid = normalised_grid(resized_intrinsics(intrinsics, (step, step), (1, 1)), scale)
             depths.append(depth)

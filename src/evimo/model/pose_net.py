@@ -5,14 +5,26 @@ blends local motion candidates (`evidence`) into a flow, fits the egomotion to i
 what does not fit.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from evimo.model.backbone import Encoder, before_convolution, convolved, decoding_layers, enlarged, reduced, shares
-from evimo.model.evidence import CANDIDATES, TRUSTS, Evidence, evidence
+from evimo.geometry.motion_field import motion_field
+from evimo.model.backbone import (
+    Encoder,
+    before_convolution,
+    convolved,
+    decoding_layers,
+    enlarged,
+    reduced,
+    shares,
+    summed,
+)
+from evimo.model.evidence import CANDIDATES, TRUSTS, Evidence
 from evimo.model.fits import fitted, flow_per_twist, mismatch
 from evimo.model.presets import ModelConfig
 
@@ -35,7 +47,8 @@ class Scale(NamedTuple):
     mixture: Tensor
 
 
-class Geometry(NamedTuple):
+@dataclass(frozen=True)
+class Geometry:
     """What a scale must know of depth and lens.
 
     inv_depth: (B, 1, h, w) relative.
@@ -48,6 +61,11 @@ class Geometry(NamedTuple):
     grid: Tensor
     focal_px: Tensor
     valid: Tensor
+
+    @cached_property
+    def basis(self) -> Tensor:
+        """(B, 6, 2, h, w) flow on the plane Z = 1 for a unit of each component of the twist."""
+        return flow_per_twist(self.inv_depth, self.grid)
 
 
 class Coarser(NamedTuple):
@@ -82,7 +100,7 @@ def soft(values: Tensor, knee: float = 3.0) -> Tensor:
 
 def rigid_flow(ego: Tensor, geometry: Geometry) -> Float[Tensor, "B 2 H W"]:
     """Flow of the static world, px of half the image per slice."""
-    return torch.einsum("bn,bnchw->bchw", ego, flow_per_twist(geometry.inv_depth, geometry.grid)) * geometry.focal_px
+    return motion_field(ego[..., None, None], geometry.inv_depth, geometry.grid) * geometry.focal_px
 
 
 def explained(
@@ -104,25 +122,24 @@ def explained(
     Returns:
         ego (B, 6) per slice, and the mean square (B, 1, 1, 1), px, of what the guess before it left.
     """
-    basis = flow_per_twist(geometry.inv_depth, geometry.grid)
     on_plane = flow / geometry.focal_px
     rounds = 1 if guess is not None else 2
-    ego = fitted(basis, on_plane, weight[:, None], prior)[:, 0] if guess is None else guess
+    ego = fitted(geometry.basis, on_plane, weight[:, None], prior)[:, 0] if guess is None else guess
     trusted = weight
     square = flow[:, :1, :1, :1]
     for _ in range(rounds):  # Cauchy's weights: what moves by itself loses its say
-        error = (on_plane - torch.einsum("bn,bnchw->bchw", ego, basis)) * geometry.focal_px
+        error = flow - rigid_flow(ego, geometry)
         total = (trusted[:, :1] + trusted[:, 2:]).sum((1, 2, 3), keepdim=True) + 1e-3
         square = mismatch(error, trusted).sum((1, 2, 3), keepdim=True) / total + 0.0025
         per_trust = mismatch(error, weight) / (weight[:, :1] + weight[:, 2:] + 1e-6)
         trusted = weight / (1 + 0.5 * per_trust / square)
-        ego = fitted(basis, on_plane, trusted[:, None], prior)[:, 0]
+        ego = fitted(geometry.basis, on_plane, trusted[:, None], prior)[:, 0]
     return ego, square
 
 
 def cues(flow: Tensor, error: Tensor, square: Tensor) -> Float[Tensor, "B 7 H W"]:
     """What a mask can be read from: motion that the camera's does not explain, in px and against its scatter."""
-    size = error.square().sum(1, keepdim=True).add(1e-6).sqrt()
+    size = (summed(error.square()) + 1e-6).sqrt()
     return torch.cat((soft(error, 2.0), soft(size, 2.0), soft(error / square.sqrt()), soft(flow)), dim=1)
 
 
@@ -144,7 +161,7 @@ class PoseScale(nn.Module):
         blend, residue, confidence = self.flow_head(features).split((CANDIDATES + 1, 2, 1), dim=1)
         candidates = torch.cat((motion, before[:, None]), dim=1)
         speed = soft(motion[:, 1], 8.0).square().mean((1, 2, 3), keepdim=True).sqrt()  # normalised features know none
-        flow = (shares(blend)[:, :, None] * candidates).sum(1) + residue * (speed + 0.1)
+        flow = summed(shares(blend)[:, :, None] * candidates)[:, 0] + residue * (speed + 0.1)
         return flow, torch.sigmoid(confidence)
 
     def forward(
@@ -159,13 +176,12 @@ class PoseScale(nn.Module):
         ego, square = explained(fitting.down(flow), still, fitting.geometry, prior, guess)
         error = flow - rigid_flow(ego, geometry)
         logits = features[:, : self.channels] * 0 if before is None else before.logits
-        seen = (features, cues(flow, error, square), confidence, found.trust[:, _TRUSTED], logits)
+        seen = (features, cues(flow, error, square), confidence, found.trust, logits)
         logits = logits + self.mask_head(torch.relu(self.mask_features(torch.cat(seen, dim=1))))
         mixture = shares(logits)
-        basis = flow_per_twist(fitting.geometry.inv_depth, fitting.geometry.grid)[:, :3]
         # Squared: a hundredth of a share on all of the background would outweigh an object of a hundredth of the image.
         theirs = fitting.down(mixture[:, 1:]).square()[:, :, None] * sure[:, None]
-        residual = fitted(basis, fitting.down(error) / geometry.focal_px, theirs, prior[:3])
+        residual = fitted(fitting.geometry.basis[:, :3], fitting.down(error) / geometry.focal_px, theirs, prior[:3])
         return Scale(flow, ego, residual, mixture), logits
 
 
@@ -182,20 +198,20 @@ class PoseNet(nn.Module):
         self.decoder = decoding_layers(hidden=hidden, growth=growth, layers=layers, scale=scale)
         self.scales = nn.ModuleList(PoseScale(hidden + k * growth, config) for k in reversed(range(layers)))
 
-    def forward(self, image: Tensor, counts: Tensor, geometry: list[Geometry]) -> list[Scale]:
+    def forward(self, image: Tensor, found: Evidence, geometry: list[Geometry]) -> list[Scale]:
         """From the coarsest to the finest scale.
 
         Args:
             image: (B, C, h, w) all input channels, at half the image's size.
-            counts: (B, N, 2, h, w) its log counts.
+            found: local motion in it.
             geometry: of each scale, in the same order.
         """
-        found = evidence(counts, self.reduction)
         steps = [self.scale**k for k in reversed(range(len(self.scales)))]  # of each scale, against half the image
         at_evidence = geometry[steps.index(self.reduction)]
         local = [soft(found.motion).flatten(1, 2), found.trust, *([at_evidence.grid] if self.coordinates else [])]
         beside = self.beside(torch.cat(local, dim=1))
         *skips, features = self.encoder(image, enlarged(beside, self.reduction))
+        found = found._replace(trust=found.trust[:, _TRUSTED])
         before, answers = None, []
         for layer, head, skip, step, here in zip(
             self.decoder, self.scales, reversed(skips), steps, geometry, strict=True

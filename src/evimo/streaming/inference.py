@@ -16,12 +16,13 @@ from evimo.errors import BadFile, NotFound
 F4 = NDArray[np.float32]
 
 MOST_WORKERS = 4  # more would wait for memory, not for each other
-INPUTS = ("frames", "valid", "intrinsics")
+LARGEST_STRIDE = 1024
+INPUTS = ("image", "evidence", "valid", "intrinsics")
 OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 
 
 class Answer(NamedTuple):
-    """What the networks say of one stack, in the rectified image (h, w).
+    """What the networks say of one stack, at half the rectified image's size (h, w), perhaps with a margin behind it.
 
     moving:    (h, w) probability that a pixel shows something that moves by itself.
     rel_depth: (h, w) mean 1.
@@ -36,6 +37,13 @@ class Answer(NamedTuple):
     velocity: F4
     flow: F4
 
+    def cropped(self, height: int, width: int) -> "Answer":
+        """Without the margin to the right and below."""
+        moving, rel_depth, velocity, flow = (
+            each[..., :height, :width] for each in (self.moving, self.rel_depth, self.velocity, self.flow)
+        )
+        return Answer(moving, rel_depth, self.ego, velocity, flow)
+
 
 def presets() -> dict[str, Path]:
     """Models inside the package: name to ONNX file."""
@@ -49,7 +57,9 @@ class Network:
     name:    as the user gave it.
     sha256:  of the file.
     workers: slices that may run side by side; `estimate` may be called from as many threads.
-    config:  what it was trained as, from the file; empty if it does not say.
+    config:  what it was trained as.
+    stride:  sides of the images are padded to multiples of it; `reduction`: how much coarser than half the image the
+        evidence is. Both are for `EvidenceMaker`.
     """
 
     def __init__(self, name_or_path: str | Path, *, workers: int | None = None, threads: int = 1) -> None:
@@ -74,30 +84,23 @@ class Network:
         self.sha256 = hashlib.sha256(content).hexdigest()
         self._session = _session(path, content, threads)
         _check_names(path, self._session)
-        self.config = _config(self._session)
+        self.config, self.stride, self.reduction = _facts(path, self._session)
 
-    def check_size(self, size: tuple[int, int]) -> None:
-        """Refuse images (height, width) that the file's own fixed size excludes.
-
-        Raises:
-            BadFile: the model was exported for another size only.
-        """
-        fixed = {node.name: node.shape for node in self._session.get_inputs()}["frames"][-2:]
-        if any(isinstance(ours, int) and ours != length for ours, length in zip(fixed, size, strict=True)):
-            raise BadFile(
-                f"model {self.name!r} takes images of {fixed[1]}x{fixed[0]} only, not {size[1]}x{size[0]}",
-                fix="a model exported with free height and width",
-            )
-
-    def estimate(self, frames: F4, *, valid: F4, intrinsics: F4) -> Answer:
+    def estimate(self, image: F4, evidence: F4, *, valid: F4, intrinsics: F4) -> Answer:
         """Run one stack.
 
         Args:
-            frames: (5, 3, h, w) event frames, the reference slice in the middle.
-            valid: (h, w) 1 where the image has a sensor counterpart, else 0.
-            intrinsics: (4,) fx, fy, cx, cy of the image, px.
+            image: (15, h, w) from `EvidenceMaker.image`.
+            evidence: (22, a, b) from `EvidenceMaker.evidence`.
+            valid: (h, w) share of each pixel that has a sensor counterpart.
+            intrinsics: (4,) fx, fy, cx, cy of the whole image, px.
         """
-        feeds = {"frames": frames[None], "valid": valid[None, None], "intrinsics": intrinsics[None]}
+        feeds = {
+            "image": image[None],
+            "evidence": evidence[None],
+            "valid": valid[None, None],
+            "intrinsics": intrinsics[None],
+        }
         moving, rel_depth, ego, velocity, flow = self._session.run(OUTPUTS, feeds)
         return Answer(moving[0, 0], rel_depth[0, 0], ego[0].astype(np.float64), velocity[0], flow[0])
 
@@ -122,10 +125,15 @@ def _check_names(path: Path, session: Any) -> None:
         raise BadFile(f"{path} is not an evimo model: it {lacks}", fix="the .onnx file of `evimo train`")
 
 
-def _config(session: Any) -> dict[str, Any]:
-    text = session.get_modelmeta().custom_metadata_map.get("config", "{}")
+def _facts(path: Path, session: Any) -> tuple[dict[str, Any], int, int]:
+    """Configuration, stride and reduction from the file's metadata."""
+    texts = session.get_modelmeta().custom_metadata_map
     try:
-        config = json.loads(text)
-    except json.JSONDecodeError:
-        return {}
-    return config if isinstance(config, dict) else {}
+        config, stride, reduction = (json.loads(texts[key]) for key in ("config", "stride", "evidence_reduction"))
+        if not isinstance(config, dict) or not 0 < reduction < stride < LARGEST_STRIDE or stride % (2 * reduction):
+            raise ValueError(f"stride {stride}, reduction {reduction}")
+    except (KeyError, ValueError, TypeError) as error:
+        raise BadFile(
+            f"{path} does not say how its images are made: {error}", fix="the .onnx file of `evimo train`"
+        ) from error
+    return config, stride, reduction

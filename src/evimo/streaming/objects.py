@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.geometry.rectification import Rectification
+from evimo.geometry.rectification import Rectification, ToSensor
 from evimo.recordings.estimate import Estimate, MovingObject
+from evimo.streaming.evidence import HALF, halved_mask
 from evimo.streaming.identities import Identities
 from evimo.streaming.inference import Answer
 from evimo.streaming.regions import regions, smallest_region
@@ -16,13 +17,17 @@ U1 = NDArray[np.uint8]
 
 
 class ObjectFinder:
-    """Turns the networks' answers, slice after slice, into estimates in sensor pixels. Remembers ids."""
+    """Turns the networks' answers, slice after slice, into estimates in sensor pixels. Remembers ids.
+
+    Objects are found in the networks' own pixels, at half the rectified image's size.
+    """
 
     def __init__(self, rectification: Rectification) -> None:
-        self._rectification = rectification
-        self._smallest_px = smallest_region(rectification.image.size)
+        self._valid = rectification.valid
+        self._inside = halved_mask(rectification.image_valid, stride=HALF) > 0
+        self._smallest_px = smallest_region(self._inside.shape)
         self._identities = Identities()
-        self._nearest = _nearest_rectified(rectification)
+        self._to_sensor = ToSensor(rectification, step=HALF)
 
     @property
     def objects_seen(self) -> int:
@@ -36,14 +41,14 @@ class ObjectFinder:
 
     def estimate(self, answer: Answer, *, start_us: int, stop_us: int) -> Estimate:
         """The estimate of the next slice [start_us, stop_us)."""
-        moving = (answer.moving > 0.5) & self._rectification.image_valid
+        answer = answer.cropped(*self._inside.shape)
+        moving = (answer.moving > 0.5) & self._inside
         labels = regions(moving, answer.velocity, smallest_px=self._smallest_px)
-        rectified_ids = self._identities.follow(labels)
-        valid = self._rectification.valid
+        found = self._identities.follow(labels)
         maps = np.concatenate((answer.moving[None], answer.rel_depth[None], answer.flow))
-        probability, rel_depth, *flow = self._rectification.to_sensor(maps)
-        ids = rectified_ids.ravel()[self._nearest]
-        ids[~(valid & (probability > 0.5))] = 0
+        probability, rel_depth, *flow = self._to_sensor.bilinear(maps)
+        ids = self._to_sensor.nearest(found)
+        ids[~(self._valid & (probability > 0.5))] = 0
         return Estimate(
             t_us=(start_us + stop_us) // 2,
             start_us=start_us,
@@ -52,9 +57,9 @@ class ObjectFinder:
             ids=ids,
             rel_depth=rel_depth,
             flow=np.stack(flow),
-            valid=valid,
+            valid=self._valid,
             ego=answer.ego,
-            objects=measured(ids, rel_depth, rel_velocities(rectified_ids, answer)),
+            objects=measured(ids, rel_depth, rel_velocities(found, answer)),
         )
 
 
@@ -85,14 +90,6 @@ def _median(values: F4) -> float:
 
 
 def rel_velocities(ids: U1, answer: Answer) -> F8:
-    """Each id's velocity (256, 3): the mean over its pixels in the rectified image, weighted by moving probability."""
+    """Each id's velocity (256, 3): the mean over its pixels, weighted by moving probability."""
     weight, weighted, _ = weighted_sums(ids, answer.moving, answer.velocity)
     return weighted / np.where(weight > 0, weight, 1)[:, None]
-
-
-def _nearest_rectified(rectification: Rectification) -> NDArray[np.intp]:
-    """Index of the rectified pixel nearest to each sensor pixel, (H, W), into the flattened rectified image."""
-    height, width = rectification.image.size
-    column = np.clip(np.floor(rectification.x + 0.5), 0, width - 1).astype(np.intp)
-    row = np.clip(np.floor(rectification.y + 0.5), 0, height - 1).astype(np.intp)
-    return row * width + column

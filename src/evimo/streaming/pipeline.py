@@ -1,34 +1,31 @@
 """The main job: packets in, estimates out, in constant memory.
 
-One thread reads events, cuts slices and makes frames; several run the networks, a slice each, from which small graphs
+One thread reads events, cuts slices and makes images; several run the networks, a slice each, from which small graphs
 gain more than from threads inside one slice; the caller's own finds objects. Bounded queues join them, so an hour needs
 no more memory than a second.
 """
 
-import itertools
 from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evimo.errors import BadInput
 from evimo.events.events import Events
-from evimo.events.frames import CHANNELS, PixelTable, Stacks
+from evimo.events.frames import FrameMaker, PixelTable
 from evimo.events.io.event_file import EventFile
-from evimo.events.slices import Slice, in_slices
+from evimo.events.slices import Slice, in_slices, in_stacks
 from evimo.geometry.camera import Camera, assumed_camera
 from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
+from evimo.streaming.evidence import EvidenceMaker, SliceImages, halved_mask
 from evimo.streaming.inference import Answer, Network
 from evimo.streaming.objects import ObjectFinder
 from evimo.streaming.span import CONTEXT, span_of
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import ahead, in_parallel
-
-F4 = NDArray[np.float32]
 
 AHEAD = 2  # stacks that wait for the networks
 
@@ -71,7 +68,7 @@ class Run:
     span:          the slices it covers.
     rectification: between sensor pixels and the networks' image.
     camera_source: where the camera comes from: given, the recording, or assumed.
-    stacks:        counts the events that have no place in that image.
+    frames:        makes event frames; counts the events that have no place in that image.
     finder:        of objects; counts them.
     stopwatch:     where the time went.
     """
@@ -93,17 +90,17 @@ class Run:
         self.rectification = rectified(camera)
         self.rectification.warn_of_invalid()
         image = self.rectification.image
-        network.check_size(image.size)
-        self._valid = self.rectification.image_valid.astype(np.float32)
+        self._maker = EvidenceMaker(image.size, stride=network.stride, reduction=network.reduction)
+        self._valid = halved_mask(self.rectification.image_valid, stride=network.stride)
         self._intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
         self.stopwatch = Stopwatch()
         self.finder = ObjectFinder(self.rectification)
-        self.stacks = Stacks(self._slices(), PixelTable(*self.rectification.table()))
+        self.frames = FrameMaker(PixelTable(*self.rectification.table()))
 
     def slices(self) -> Generator[tuple[Estimate, Events]]:
         """Each slice's estimate and its events; once."""
-        frames = ahead(self._frames(), depth=AHEAD)
-        with closing(in_parallel(self._answer, frames, workers=self.network.workers)) as answers:
+        stacks = ahead(self._stacks(), depth=AHEAD)
+        with closing(in_parallel(self._answer, stacks, workers=self.network.workers)) as answers:
             for part, answer in answers:
                 with self.stopwatch.stage("objects"):
                     estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
@@ -115,22 +112,30 @@ class Run:
         slices = in_slices(packets, start_us=span.read_start_us, stop_us=span.read_stop_us)
         yield from self.stopwatch.over("slicing", slices)
 
-    def _frames(self) -> Iterator[tuple[Slice, F4]]:
-        """Stacks of the span, copied out of the ring: into as many buffers as are in use at once, and one more."""
-        size = self.rectification.image.size
-        in_use = AHEAD + self.network.workers + 3
-        buffers = itertools.cycle(np.empty((in_use, 2 * CONTEXT + 1, CHANNELS, *size), np.float32))
-        for part, frames in self.stopwatch.over("frames", self.stacks):
-            if self.span.first <= part.index < self.span.last:
-                buffer = next(buffers)
-                with self.stopwatch.stage("frames"):
-                    np.copyto(buffer, frames)
-                yield part, buffer
+    def _images(self) -> Iterator[tuple[Slice, SliceImages]]:
+        """Each slice with what the networks see of it."""
+        frame = None
+        for part in self._slices():
+            with self.stopwatch.stage("frames"):
+                dt_us = part.stop_us - part.start_us
+                frame = self.frames.frame(part.events, start_us=part.start_us, dt_us=dt_us, out=frame)
+                images = self._maker.images(frame)
+            yield part, images
 
-    def _answer(self, stack: tuple[Slice, F4]) -> tuple[Slice, Answer]:
-        part, frames = stack
+    def _stacks(self) -> Iterator[tuple[Slice, list[SliceImages]]]:
+        """The slices of the span with their stacks."""
+        nothing = None, self._maker.nothing()
+        for stack in in_stacks(self._images(), nothing, length=2 * CONTEXT + 1):
+            middle = stack[CONTEXT][0]
+            if middle is not None and self.span.first <= middle.index < self.span.last:
+                yield middle, [images for _, images in stack]
+
+    def _answer(self, stack: tuple[Slice, list[SliceImages]]) -> tuple[Slice, Answer]:
+        part, images = stack
+        with self.stopwatch.stage("evidence"):
+            image, evidence = self._maker.image(images), self._maker.evidence(images)
         with self.stopwatch.stage("networks"):
-            return part, self.network.estimate(frames, valid=self._valid, intrinsics=self._intrinsics)
+            return part, self.network.estimate(image, evidence, valid=self._valid, intrinsics=self._intrinsics)
 
 
 def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:
