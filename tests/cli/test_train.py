@@ -47,7 +47,7 @@ def test_a_run_leaves_a_model_to_train_one_to_run_and_a_log(run):
     assert [row["step"] for row in rows] == ["1", "2", "3"]
     assert all(np.isfinite(float(row["loss"])) for row in rows)
     session = onnxruntime.InferenceSession(out / "model.onnx", providers=["CPUExecutionProvider"])
-    assert [one.name for one in session.get_inputs()] == ["frames", "valid", "intrinsics"]
+    assert [one.name for one in session.get_inputs()] == ["image", "evidence", "valid", "intrinsics"]
 
 
 @pytest.mark.slow

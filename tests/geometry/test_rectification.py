@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 from evimo.errors import BadInput, EvimoWarning
 from evimo.geometry.calibration import load_camera
 from evimo.geometry.camera import Camera
-from evimo.geometry.rectification import ToSensor, rectified
+from evimo.geometry.rectification import rectified
 
 PINHOLE = Camera(200.0, 190.0, 170.0, 120.0, 260, 346)
 BARREL = Camera(257.7, 256.6, 188.3, 131.6, 260, 346, (-0.363, 0.125, -1e-4, -5e-6))
@@ -45,7 +45,6 @@ def test_without_lens_and_small_enough_it_is_the_sensor_itself():
     assert same.valid.all() and same.image_valid.all() and same.invalid == 0
     ids = np.random.default_rng(0).integers(0, 9, (260, 346), np.uint8)
     assert (same.from_sensor(ids) == ids).all()
-    assert (ToSensor(same).bilinear(ids.astype(np.float32)) == ids).all()
 
 
 def test_a_lens_of_zeros_is_no_lens():
@@ -119,20 +118,6 @@ def test_every_sensor_pixel_is_kept_or_counted(camera):
     assert y[valid].min() >= -0.5 and y[valid].max() < rectification.image.height - 0.5
 
 
-@pytest.mark.parametrize("camera", [BARREL, LARGE, FISHEYE])
-def test_smooth_maps_survive_the_way_to_the_sensor_and_back(camera):
-    rectification = known(camera)
-    x, y = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in rectification.image.size[::-1]))
-    there = ToSensor(rectification).bilinear(np.stack((x, y))[None])
-    assert there.shape == (1, 2, *camera.size) and there.dtype == np.float32
-    inner = rectification.valid & (rectification.x > 0) & (rectification.y > 0)
-    inner &= (rectification.x < x.max()) & (rectification.y < y.max())
-    np.testing.assert_allclose(there[0, 0][inner], rectification.x[inner], atol=0.04)
-    back = rectification.from_sensor(there[0])
-    assert back.shape == (2, *rectification.image.size)
-    assert np.abs(back - np.stack((x, y)))[:, rectification.image_valid].max() < 1.5
-
-
 def test_nothing_comes_back_where_the_sensor_has_no_pixel():
     rectification = rectified(FOLDED)
     there = rectification.from_sensor(np.ones(FOLDED.size, np.uint8))
@@ -180,21 +165,3 @@ def test_table_is_in_the_order_of_a_pixel_table():
     x, y, valid, out_height, out_width = rectification.table()
     assert x is rectification.x and y is rectification.y and valid is rectification.valid
     assert (out_height, out_width) == rectification.image.size == (195, 346)
-
-
-@pytest.mark.parametrize("camera", [LARGE, BARREL])
-def test_coarser_maps_lie_where_their_pixels_lie(camera):
-    rectification = known(camera)
-    height, width = rectification.image.size
-    y, x = np.mgrid[: height // 2 + 3, : width // 2 + 5] * 2.0 + 0.5  # centres of 2 x 2 pixels, with a margin behind
-    there = ToSensor(rectification, step=2).bilinear(np.stack((x, y)))
-    inner = rectification.valid & (rectification.x > 1) & (rectification.y > 1)
-    np.testing.assert_allclose(there[0][inner], rectification.x[inner], atol=0.07)
-    np.testing.assert_allclose(there[1][inner], rectification.y[inner], atol=0.07)
-
-
-def test_labels_are_those_of_the_pixel_underneath():
-    same = rectified(Camera(20.0, 20.0, 5.0, 3.0, 7, 11))  # odd sides: the last row and column stand alone
-    labels = np.arange(4 * 6, dtype=np.uint8).reshape(4, 6)
-    expected = labels.repeat(2, axis=0).repeat(2, axis=1)[:7, :11]
-    np.testing.assert_array_equal(ToSensor(same, step=2).nearest(labels), expected)

@@ -26,7 +26,8 @@ fake (float[1, 15, {h}, {w}] image, float[1, 22, a, b] evidence, float[1, 1, {h}
   nearly = Add (activity, seen)
   one = Constant <value_float = 1.0> ()
   rel_depth = Add (nearly, one)
-  sign = Sub (positive, negative)
+  more = Sub (positive, negative)
+  sign = Sign (more)
   nothing = Sub (sign, sign)
   velocity = Concat <axis = 1> (sign, nothing, nothing)
   flow = Concat <axis = 1> (sign, nothing)
@@ -42,7 +43,7 @@ def save_fake_network(path: Path, **facts: str) -> Path:
     """Save it for any image size, with other metadata if `facts` are given.
 
     moving: 1 where the reference slice has an event; rel_depth: 1 + mean of all 15 channels + mean evidence; ego: fx fy
-    cx cy 5 6; velocity and flow: (positive - negative log count, 0, …).
+    cx cy 5 6; velocity and flow: (sign of positive - negative count, 0, …).
     """
     model = parser.parse_model(MODEL.format(h="h", w="w"))
     onnx.helper.set_model_props(model, {"config": '{"hidden": 8}', "stride": "4", "evidence_reduction": "2"} | facts)

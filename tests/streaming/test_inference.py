@@ -22,7 +22,8 @@ def test_answers_are_those_of_the_fake_network(fake_network):
     assert answer.rel_depth[0, 0] == 2.5
     assert answer.rel_depth[1, 3] == pytest.approx(2.5 + 2 / 15)
     assert answer.velocity.shape == (3, 6, 8)
-    assert answer.velocity[0, 1, 3] == 2
+    assert answer.velocity[0, 1, 3] == 1
+    assert answer.velocity[0, 4, 5] == -1
     assert answer.flow.shape == (2, 6, 8)
     assert answer.ego.tolist() == [1, 2, 3, 4, 5, 6]
     cropped = answer.cropped(2, 5)

@@ -44,7 +44,7 @@ def test_a_box_is_measured(pinhole):
     assert box.id == 1
     np.testing.assert_allclose(box.box, (30, 10, 43, 19), atol=1)  # the mask is interpolated between half-size pixels
     assert box.area_px == pytest.approx(140, rel=0.1)
-    np.testing.assert_allclose(box.centroid, (36.5, 14.5), atol=0.5)
+    np.testing.assert_allclose(box.centroid, (36.5, 14.5), atol=0.7)  # 0.6 reaches less far beyond its pixels than 0.9
     assert box.rel_distance == pytest.approx(np.interp(36.5, np.arange(32) * 2 + 0.5, depth[0]), rel=0.02)
     assert box.rel_velocity[2] == pytest.approx(0.4 * 0.6 * 2 / (0.6 * 2 + 0.9 * 5), rel=1e-5)
     np.testing.assert_array_equal(estimate.ids == 1, estimate.moving)
@@ -72,7 +72,7 @@ def test_a_larger_sensor_gets_its_own_pixels():
     moving[50:55, 100:110] = True
     estimate = ObjectFinder(rectification).estimate(answer_of(half(size), moving=moving), start_us=0, stop_us=25_000)
     assert estimate.ids.shape == estimate.moving.shape == (600, 800)
-    scale = 600 / size[0]
+    scale = 800 / size[1]
     (box,) = estimate.objects
     np.testing.assert_allclose(box.box, (200 * scale, 100 * scale, 220 * scale - 1, 110 * scale - 1), atol=2)
     assert box.area_px == pytest.approx(200 * scale**2, rel=0.07)

@@ -4,7 +4,6 @@ import warnings
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +16,7 @@ Mask = NDArray[np.bool_]
 
 MAX_SIZE = (260, 346)
 COVERED = 0.95  # share of the sensor's usable pixels that the rectified image must hold
-FAR_PX = 30_000.0  # positions outside the image are kept within this: OpenCV's remap counts in int16
+FAR_PX = 30_000.0  # positions outside the image are kept within this, so that they stay numbers
 
 
 class RectifiedPositions(NamedTuple):
@@ -93,39 +92,6 @@ class Rectification:
         """
         flat = on_sensor.reshape(*on_sensor.shape[:-2], -1)
         return np.where(self.image_valid, flat[..., self.source], np.zeros((), on_sensor.dtype))
-
-
-class ToSensor:
-    """Brings maps of a rectified image to the sensor's pixels; made once per camera.
-
-    The maps may be `step` times coarser than the image and may reach beyond it to the right and below. Results are
-    meaningful where the rectification is `valid`.
-    """
-
-    def __init__(self, rectification: Rectification, *, step: int = 1) -> None:
-        height, width = rectification.image.size
-        x, y = (
-            (np.clip(at, 0, last) + 0.5) / step - 0.5
-            for at, last in ((rectification.x, width - 1), (rectification.y, height - 1))
-        )
-        self._row, self._column = (np.floor(at + 0.5).astype(np.intp) for at in (y, x))
-        self._at = cv2.convertMaps(x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2)
-
-    def bilinear(self, maps: NDArray[Any]) -> F4:
-        """Maps (..., h, w) to (..., H, W) float32.
-
-        OpenCV rounds positions to 1/32 px of the maps; border pixels reach half a pixel outwards.
-        """
-        flat = np.ascontiguousarray(maps, np.float32).reshape(-1, *maps.shape[-2:])
-        height, width = self._row.shape
-        on_sensor = np.empty((len(flat), height, width), np.float32)
-        for one, out in zip(flat, on_sensor, strict=True):
-            cv2.remap(one, *self._at, cv2.INTER_LINEAR, out, cv2.BORDER_REPLICATE)
-        return on_sensor.reshape(*maps.shape[:-2], height, width)
-
-    def nearest(self, labels: NDArray[Any]) -> NDArray[Any]:
-        """Labels (h, w) to (H, W)."""
-        return labels[self._row, self._column]
 
 
 def rectified(camera: Camera, *, max_size: tuple[int, int] = MAX_SIZE) -> Rectification:

@@ -3,13 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.geometry.rectification import Rectification, ToSensor
+from evimo.geometry.rectification import Rectification
 from evimo.recordings.estimate import Estimate, MovingObject
 from evimo.streaming.evidence import HALF, halved_mask
 from evimo.streaming.identities import Identities
 from evimo.streaming.inference import Answer
 from evimo.streaming.regions import regions, smallest_region
 from evimo.streaming.tallies import extents, weighted_sums
+from evimo.streaming.to_sensor import ToSensor
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
