@@ -73,35 +73,47 @@ def simulate() -> Iterator[Row]:
     yield row("simulate_slices_per_s", slices / wall_s, "slices/s", must=3.4, aim=6.0, note=note)
 
 
-def recording() -> Path:
-    """The packaged sample, else a simulated recording made once."""
-    from evimo import samples
-    from evimo.errors import NotFound
-
-    try:
-        return samples.path()
-    except NotFound:
-        if not any(SIMULATED.glob("set*")):
-            evimo(
-                "simulate", "--set", "1", "--minutes", "0.03", "--seconds", "2", "--seed", str(SEED), "--out", SIMULATED
-            )
-        return next(iter(sorted(SIMULATED.glob("set*"))))
+def full_size() -> Path:
+    """A simulated recording of 346x260 px and 2 s; made once."""
+    made = FOLDER / "full_size"
+    if not any(made.glob("set*")):
+        size = f"{SIZE[1]}x{SIZE[0]}"
+        evimo(
+            "simulate",
+            "--set",
+            "1",
+            "--minutes",
+            "0.03",
+            "--seconds",
+            "2",
+            "--seed",
+            str(SEED),
+            "--size",
+            size,
+            "--out",
+            made,
+        )
+    return next(iter(sorted(made.glob("set*"))))
 
 
 def run() -> Iterator[Row]:
     """`evimo run` end to end with tiny, video off: slices per second after the first, and where the time goes."""
-    source = recording()
-    ways = {"": ("--dense",), "_tables_only": ("--no-dense",)}
+    from evimo import samples
+
+    full, sample = full_size(), samples.path()
+    ways = {"": (full, "--no-dense"), "_dense": (full, "--dense"), "_sample": (sample, "--no-dense")}
     summaries: dict[str, list[Row]] = {way: [] for way in ways}
     for _ in range(RUNS):
-        for way, options in ways.items():
+        for way, (source, option) in ways.items():
             folder = FOLDER / f"run{way}"
-            wall_s = evimo("run", source, "--model", MODEL, "--no-video", *options, "--out", folder)
+            wall_s = evimo("run", source, "--model", MODEL, "--no-video", option, "--out", folder)
             summaries[way].append(json.loads((folder / "summary.json").read_text()) | {"wall_s": wall_s})
     for way, parts in summaries.items():
         middle = sorted(parts, key=lambda part: part["slices_per_s"])[len(parts) // 2]
-        what = "tables, summary and dense maps" if way == "" else "tables and summary"
-        note = f"{source.name}, {middle['slices']} slices, {what}; {middle['startup_s']:.1f} s to the first"
+        source, option = ways[way]
+        size = "240x180" if way == "_sample" else f"{SIZE[1]}x{SIZE[0]}"
+        what = "tables, summary and dense maps" if option == "--dense" else "tables and summary"
+        note = f"{source.name}, {size}, {middle['slices']} slices, {what}; {middle['startup_s']:.1f} s to the first"
         stages = {"stages_ms": middle["stages_ms"], "wall_s": middle["wall_s"]}
         goal = {"must": 25.0, "aim": 80.0} if way == "" else {}
         yield row(f"run_tiny{way}_slices_per_s", middle["slices_per_s"], "slices/s", note=note, **goal, **stages)
@@ -116,6 +128,7 @@ def onnx() -> Iterator[Row]:
     import evimo as package
     from evimo.errors import NotFound
     from evimo.model.export import Deployed
+    from evimo.streaming.evidence import EvidenceMaker
     from evimo.streaming.inference import Network
 
     try:
@@ -123,20 +136,24 @@ def onnx() -> Iterator[Row]:
     except NotFound as error:
         raise Skipped(error.problem) from error
     torch.set_num_threads(CORES)
-    stride = model.config.stride
-    height, width = (-(-side // stride) * stride for side in SIZE)
+    maker = EvidenceMaker(SIZE, stride=network.stride, reduction=network.reduction)
     random = np.random.default_rng(0)
-    frames = random.poisson(0.2, (model.config.slices, 3, height, width)).astype(np.float32)
-    valid, intrinsics = np.ones((height, width), np.float32), np.array([258, 258, 173, 130], np.float32)
-    inputs = [torch.from_numpy(each)[None] for each in (frames, valid[None], intrinsics)]
+    frames = random.poisson(0.2, (model.config.slices, 3, *SIZE)).astype(np.float32)
+    images = [maker.images(frame) for frame in frames]
+    image, evidence = maker.image(images), maker.evidence(images)
+    valid, intrinsics = np.ones(maker.size, np.float32), np.array([258, 258, 173, 130], np.float32)
+    inputs = [torch.from_numpy(each)[None] for each in (image, evidence, valid[None], intrinsics)]
     deployed = Deployed(model).eval()
 
     def eager() -> None:
         with torch.no_grad():
             deployed(*inputs)
 
-    ms = medians_ms({"onnx": lambda: network.estimate(frames, valid=valid, intrinsics=intrinsics), "eager": eager})
-    note = f"{width}x{height}: ONNX Runtime {ms['onnx']:.1f} ms, eager {ms['eager']:.1f} ms"
+    def by_onnx() -> None:
+        network.estimate(image, evidence, valid=valid, intrinsics=intrinsics)
+
+    ms = medians_ms({"onnx": by_onnx, "eager": eager})
+    note = f"{SIZE[1]}x{SIZE[0]}: ONNX Runtime {ms['onnx']:.1f} ms, eager {ms['eager']:.1f} ms"
     yield row("onnx_vs_eager", ms["eager"] / ms["onnx"], "times", must=1.3, aim=3.0, note=note, **ms)
 
 
