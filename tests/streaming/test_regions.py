@@ -55,6 +55,22 @@ def test_crumbs_are_no_objects():
     assert labels[50, 5] == 2
 
 
+@pytest.mark.parametrize(("gap_px", "count"), [(0, 1), (2, 1), (4, 2), (8, 2)])
+def test_a_narrow_gap_does_not_cut(gap_px, count):
+    moving = np.zeros(SIZE, np.bool_)
+    moving[20:40, 10:30] = moving[20:40, 30 + gap_px : 45] = True
+    labels = found(moving, np.zeros((3, *SIZE), np.float32))
+    assert labels.max() == count
+    np.testing.assert_array_equal(labels > 0, moving)
+
+
+def test_a_narrow_gap_between_two_motions_does():
+    left, right = np.zeros(SIZE, np.bool_), np.zeros(SIZE, np.bool_)
+    left[20:40, 10:30] = right[20:40, 32:50] = True
+    labels = found(*moving_with((left, (1, 0, 0)), (right, (-1, 0, 0))))
+    np.testing.assert_array_equal(labels, left + 2 * right)
+
+
 def test_regions_that_touch_at_a_corner_are_one():
     moving = np.zeros(SIZE, np.bool_)
     moving[10:20, 10:20] = moving[20:30, 20:30] = True
@@ -117,6 +133,6 @@ def test_scattered_outliers_do_not_cut():
 
 def test_no_more_regions_than_fit_in_a_byte():
     moving = np.zeros((200, 300), np.bool_)
-    moving[::4, ::4] = moving[::4, 1::4] = True  # 3750 of two pixels
+    moving[::12, ::12] = moving[::12, 1::12] = True  # 425 of two pixels
     labels = regions(moving, np.zeros((3, 200, 300), np.float32), smallest_px=2)
     assert len(np.unique(labels)) == 256

@@ -10,7 +10,7 @@ from evimo.streaming.tallies import shared_pixels
 
 U1 = NDArray[np.uint8]
 
-MEMORY = 4  # slices for which an object may be lost and keep its id: 0.1 s
+MEMORY = 8  # slices for which an object may be lost and keep its id: 0.2 s
 LASTING = 4  # slices after which an object is no flicker: 0.1 s
 LEAST_OVERLAP = 0.05  # intersection over union; chance overlaps of a crumb are smaller
 MOST = 255  # ids in a byte, 0 being the background

@@ -3,7 +3,8 @@
 Mixture channels are not objects: the paper supervises only the background's, and the same object may sit in another
 channel one slice later. So objects are found in the image, in two steps.
 
-1. Connected regions (8 neighbours) of the motion mask of at least `smallest_region` pixels.
+1. Connected regions of the motion mask of at least `smallest_region` pixels. Regions with a gap of less than `GAP_SHARE`
+   of the image's width between them are one: masks have holes and cuts where nothing fires inside an object.
 2. Two objects that touch, or pass in front of each other, are one region but have two velocities. A region is cut in
    two where its velocities form two separate groups: projected on their main axis, the best threshold (Otsu's) must
    leave groups far apart against their own spread, against their speed, and against what the networks can tell.
@@ -22,6 +23,7 @@ U1 = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 SMALLEST_SHARE, SMALLEST_PX = 0.0003, 4  # of a region: share of the image, and pixels at least
+GAP_SHARE = 0.03  # of the width
 SMALLEST_PART = 0.04  # share of a region that a part of it must have
 APART = 4.5  # distance of two groups' means in standard deviations; cutting one evenly spread group gives 3.5
 DIFFERENT = 0.5  # the same distance in speeds of the faster group: 30 degrees apart, or half as fast
@@ -47,7 +49,7 @@ def regions(moving: Mask, velocity: F4, *, smallest_px: int) -> U1:
     Returns:
         (h, w) labels: 0 is the background, 1 the largest region.
     """
-    labels = _connected(moving, smallest_px)
+    labels = _connected(moving, smallest_px, gap_px=round(GAP_SHARE * moving.shape[1]))
     suspects = range(1, MOST + 1)
     for _ in range(CUTS):
         suspects = _cut_all(labels, velocity, smallest_px, _suspects(labels, velocity, smallest_px, suspects))
@@ -56,10 +58,15 @@ def regions(moving: Mask, velocity: F4, *, smallest_px: int) -> U1:
     return _by_size(labels)
 
 
-def _connected(mask: Mask, smallest_px: int) -> U1:
-    """Number the connected regions of a mask, the largest first."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
-    area_px = stats[:, cv2.CC_STAT_AREA]
+def _connected(mask: Mask, smallest_px: int, *, gap_px: int = 0) -> U1:
+    """Number the connected regions (8 neighbours) of a mask, the largest first, across gaps of up to `gap_px`."""
+    near = mask.view(np.uint8)
+    if gap_px:
+        side = gap_px // 2 * 2 + 1  # half the gap from either region
+        near = cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(near, connectivity=8)
+    labels = np.where(mask, labels, 0)
+    area_px = np.bincount(labels.ravel(), minlength=len(stats))
     area_px[0] = 0  # of what is not in the mask
     largest = np.argsort(-area_px, kind="stable")[:MOST]
     kept = largest[area_px[largest] >= smallest_px]
