@@ -3,7 +3,7 @@
 Mixture channels are not objects: the paper supervises only the background's, and the same object may sit in another
 channel one slice later. So objects are found in the image, in two steps.
 
-1. Connected regions of the motion mask of at least `smallest_region` pixels. Regions with a gap of less than `GAP_SHARE`
+1. Connected regions of the motion mask of at least `smallest_region` pixels. Regions with a gap below `GAP_SHARE`
    of the image's width between them are one: masks have holes and cuts where nothing fires inside an object.
 2. Two objects that touch, or pass in front of each other, are one region but have two velocities. A region is cut in
    two where its velocities form two separate groups: projected on their main axis, the best threshold (Otsu's) must
