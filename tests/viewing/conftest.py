@@ -7,6 +7,7 @@ import pytest
 
 from evimo.events.events import Events
 from evimo.recordings.estimate import Estimate, MovingObject
+from evimo.viewing.moment import Mark
 
 
 def events_at(*pixels: tuple[int, int, int]) -> Events:
@@ -19,6 +20,11 @@ def square(object_id: int, box: tuple[int, int, int, int], velocity: Sequence[fl
     x0, y0, x1, y1 = box
     area = (x1 - x0 + 1) * (y1 - y0 + 1)
     return MovingObject(object_id, box, area, ((x0 + x1) / 2, (y0 + y1) / 2), 1.0, np.array(velocity, float))
+
+
+def mark_of(object_id: int, box: tuple[int, int, int, int], velocity: Sequence[float] = (0.0, 0.0, 0.0)) -> Mark:
+    one = square(object_id, box)
+    return Mark(object_id, box, one.centroid, np.array(velocity, float))
 
 
 def estimate_of(size: tuple[int, int], *objects: MovingObject, t_us: int = 12_500, **changed: object) -> Estimate:
@@ -50,6 +56,11 @@ def make_events() -> Callable[..., Events]:
 @pytest.fixture
 def make_square() -> Callable[..., MovingObject]:
     return square
+
+
+@pytest.fixture
+def make_mark() -> Callable[..., Mark]:
+    return mark_of
 
 
 @pytest.fixture

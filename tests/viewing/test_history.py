@@ -5,6 +5,7 @@ from pytest import approx
 from evimo.viewing.colours import X_AXIS, Y_AXIS
 from evimo.viewing.history import History, plot, round_limit
 from evimo.viewing.layout import Box
+from evimo.viewing.moment import estimated
 
 SIZE = (4, 6)
 
@@ -19,7 +20,7 @@ def test_limits_are_round_and_not_below(value, limit):
 def test_history_holds_two_seconds(make_estimate):
     history = History()
     for k in range(200):
-        history.add(make_estimate(SIZE, t_us=k * 25_000, ego=np.full(6, float(k))))
+        history.add(estimated(make_estimate(SIZE, t_us=k * 25_000, ego=np.full(6, float(k)))))
     assert history.ages_s[[0, -1]].tolist() == [2.0, 0.0]
     assert history.twists[[0, -1], 0].tolist() == [119.0, 199.0]
 
@@ -27,17 +28,26 @@ def test_history_holds_two_seconds(make_estimate):
 def test_history_starts_anew_when_time_jumps_back(make_estimate):
     history = History()
     for t_us in (50_000, 75_000, 25_000):
-        history.add(make_estimate(SIZE, t_us=t_us))
+        history.add(estimated(make_estimate(SIZE, t_us=t_us)))
     assert history.ages_s.tolist() == [0.0]
 
 
 def test_the_fastest_object_of_two_seconds_sets_the_arrows(make_estimate, make_square):
     history = History()
-    history.add(make_estimate(SIZE, make_square(1, (0, 0, 1, 1), (0.0, 0.3, 0.4)), t_us=0))
-    history.add(make_estimate(SIZE, t_us=1_000_000))
+    history.add(estimated(make_estimate(SIZE, make_square(1, (0, 0, 1, 1), (0.0, 0.3, 0.4)), t_us=0)))
+    history.add(estimated(make_estimate(SIZE, t_us=1_000_000)))
     assert history.speed_limit == 0.5
-    history.add(make_estimate(SIZE, t_us=2_500_000))
+    history.add(estimated(make_estimate(SIZE, t_us=2_500_000)))
     assert history.speed_limit == 0.1
+
+
+def test_the_fastest_flow_of_two_seconds_sets_its_colours(make_estimate):
+    history = History()
+    for t_us, flow_px in ((0, 130.0), (1_000_000, 3.0)):
+        history.add(estimated(make_estimate(SIZE, t_us=t_us)), flow_px=flow_px)
+    assert history.flow_limit == 150
+    history.add(estimated(make_estimate(SIZE, t_us=2_500_000)))
+    assert history.flow_limit == 10
 
 
 def rows_of(image, colour):

@@ -17,9 +17,21 @@ def test_every_frame_is_even_and_fits_a_screen(size):
     assert height <= 962 and width <= 1280
 
 
+@settings(deadline=None)
+@given(size=st.tuples(st.integers(60, 1500), st.integers(60, 1500)))
+def test_six_panels_fit_a_large_screen_and_one_a_small_one(size):
+    height, width = layout_of(size, rows=2, columns=3).frame
+    assert height <= 962 and width <= 1790
+    height, width = layout_of(size, rows=1, columns=1).frame
+    assert height <= 962 and width <= 1280
+
+
+@pytest.mark.parametrize("grid", [(2, 2), (2, 3), (1, 1)])
 @pytest.mark.parametrize("size", SENSORS)
-def test_nothing_overlaps_and_nothing_leaves_the_frame(size):
-    layout = layout_of(size)
+def test_nothing_overlaps_and_nothing_leaves_the_frame(size, grid):
+    rows, columns = grid
+    layout = layout_of(size, rows=rows, columns=columns)
+    assert len(layout.images) == len(layout.headers) == rows * columns
     boxes = [*layout.images, *layout.headers, layout.sidebar]
     assert all(one.overlap(other) == 0 for one, other in combinations(boxes, 2))
     height, width = layout.frame

@@ -38,6 +38,9 @@ OBJECTS: tuple[RGB, ...] = (
 DEPTH_RANGE = (0.25, 4.0)
 """Nearest and farthest relative depth that the depth colours tell apart, in mean depths."""
 
+STATIC: RGB = (150, 156, 166)
+"""Static bodies that look like objects."""
+
 _WHEEL: tuple[RGB, ...] = ((255, 150, 30), (225, 85, 170), (60, 130, 255), (30, 190, 130))
 """Colours of right, down, left, up: blue against orange, green against pink, for colour-blind eyes."""
 
@@ -60,11 +63,11 @@ def depth_table() -> Image:
     return np.array(cv2.applyColorMap(ramp, cv2.COLORMAP_VIRIDIS).reshape(256, 3)[:, ::-1], np.uint8)
 
 
-def depth_index(rel_depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Row of `depth_table` of each relative depth, logarithmic over `DEPTH_RANGE`, clipped."""
-    near, far = np.log(DEPTH_RANGE)
+def depth_index(depth: NDArray[np.float32], *, bounds: tuple[float, float] = DEPTH_RANGE) -> NDArray[np.uint8]:
+    """Row of `depth_table` of each depth, logarithmic between the bounds (nearest, farthest), clipped."""
+    near, far = np.log(bounds)
     gain = 255 / (far - near)
-    log_depth = cv2.log(np.maximum(rel_depth, 1e-6).astype(np.float32))
+    log_depth = cv2.log(np.maximum(depth, 1e-6).astype(np.float32))
     return np.clip(log_depth * gain - near * gain, 0, 255).astype(np.uint8)
 
 

@@ -1,56 +1,65 @@
 """The last two seconds of camera motion, and plots of them."""
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.recordings.estimate import Estimate
 from evimo.viewing.colours import CARD, MUTED, RULE, X_AXIS, Y_AXIS, Z_AXIS, Image
 from evimo.viewing.layout import Box
+from evimo.viewing.moment import Moment
 from evimo.viewing.strokes import PLAIN, SMALL, polyline, write
 
 SPAN_US = 2_000_000
+FLOW_STEPS = (1, 1.5, 2, 3, 4, 6, 8)
+"""Finer than those of arrows: colours pale when the scale is too long."""
+
 AXES = (("x", X_AXIS), ("y", Y_AXIS), ("z", Z_AXIS))
 
 
 class History:
-    """Camera twists and object speeds of the last two seconds; it starts anew when time jumps back."""
+    """Camera twists and speeds of the last two seconds; it starts anew when time jumps back."""
 
     def __init__(self) -> None:
-        self._rows: deque[tuple[int, NDArray[np.float64], float]] = deque()
+        self._rows: deque[tuple[int, NDArray[np.float64], float, float]] = deque()
 
-    def add(self, estimate: Estimate) -> None:
-        """Append one estimate and forget what is older than two seconds."""
-        if self._rows and estimate.t_us <= self._rows[-1][0]:
+    def add(self, moment: Moment, *, flow_px: float = 0.0) -> None:
+        """Append one moment, with the speed of its flow in px/s, and forget what is older than two seconds."""
+        if self._rows and moment.t_us <= self._rows[-1][0]:
             self._rows.clear()
-        speeds = [float(np.linalg.norm(np.nan_to_num(one.rel_velocity))) for one in estimate.objects]
-        self._rows.append((estimate.t_us, np.nan_to_num(estimate.ego), max(speeds, default=0.0)))
-        while self._rows[0][0] < estimate.t_us - SPAN_US:
+        speeds = [float(np.linalg.norm(mark.velocity)) for mark in moment.marks]
+        self._rows.append((moment.t_us, moment.ego, max(speeds, default=0.0), flow_px))
+        while self._rows[0][0] < moment.t_us - SPAN_US:
             self._rows.popleft()
 
     @property
     def ages_s(self) -> NDArray[np.float64]:
-        """(N,) seconds before the last estimate, 0 for itself."""
+        """(N,) seconds before the last moment, 0 for itself."""
         times_us = np.array([row[0] for row in self._rows], np.int64)
         return (times_us[-1] - times_us) / 1e6
 
     @property
     def twists(self) -> NDArray[np.float64]:
-        """(N, 6), as `Estimate.ego`."""
+        """(N, 6), as `Moment.ego`."""
         return np.array([row[1] for row in self._rows])
 
     @property
     def speed_limit(self) -> float:
-        """The speed of the longest arrow, in mean depths per second: the fastest object's, rounded up."""
+        """The speed of the longest arrow, in lengths per second: the fastest object's, rounded up."""
         return round_limit(max(row[2] for row in self._rows))
 
+    @property
+    def flow_limit(self) -> float:
+        """The flow of the purest colours, in px/s: the fastest, rounded up."""
+        return round_limit(max(row[3] for row in self._rows), least=10, steps=FLOW_STEPS)
 
-def round_limit(value: float, *, least: float = 0.1) -> float:
+
+def round_limit(value: float, *, least: float = 0.1, steps: Sequence[float] = (1, 2, 5)) -> float:
     """The smallest of 1, 2, 5 x 10^k that is not below value, so that scales change seldom."""
     value = max(value, least)
     power = 10.0 ** np.floor(np.log10(value))
-    return next(float(step * power) for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9))
+    return next(float(step * power) for step in (*steps, 10) if step * power >= value * (1 - 1e-9))
 
 
 def plot(image: Image, box: Box, ages_s: NDArray[np.float64], values: NDArray[np.float64]) -> None:

@@ -1,4 +1,4 @@
-"""Where everything is: four panels in two rows, a side bar to their right."""
+"""Where everything is: panels in rows and columns, a side bar to their right."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -8,8 +8,11 @@ from evimo.viewing.colours import Image
 GAP = 12
 HEADER = 34
 SIDEBAR = 252
-_LARGEST_IMAGE = (428, 490)
+_LARGEST = (856, 980)
+"""Height and width of the images of two rows and two columns together."""
 _SMALLEST_CELL = (278, 372)
+_SMALLEST_ALONE = (278, 660)
+"""Where there is no side bar the title bar tells more."""
 
 
 class Box(NamedTuple):
@@ -52,38 +55,44 @@ class Layout:
 
     frame:   (height, width), even.
     scale:   frame px per sensor px, the same in x and y up to rounding.
-    images:  the four sensor images: events, mask, depth, velocity.
+    images:  the sensor images, row by row; for estimates events, mask, depth, velocity.
     headers: the title bars above them.
-    sidebar: time, camera motion and the legend of velocities.
+    sidebar: time, camera motion and the legend of velocities; a single image has none, it is of no width.
     """
 
     frame: tuple[int, int]
     scale: float
-    images: tuple[Box, Box, Box, Box]
-    headers: tuple[Box, Box, Box, Box]
+    images: tuple[Box, ...]
+    headers: tuple[Box, ...]
     sidebar: Box
 
 
-def layout_of(size: tuple[int, int]) -> Layout:
-    """The layout for a sensor of this (height, width): at most 1280 x 960, small sensors enlarged."""
+def layout_of(size: tuple[int, int], *, rows: int = 2, columns: int = 2) -> Layout:
+    """The layout for a sensor of this (height, width), small sensors enlarged.
+
+    Two columns are at most 1280 x 960, three 1790 x 960.
+    """
     height, width = size
-    scale = min(_LARGEST_IMAGE[0] / height, _LARGEST_IMAGE[1] / width)
+    scale = min(_LARGEST[0] // rows / height, _LARGEST[1] // min(columns, 2) / width)
     scale = int(scale * 2) / 2 if scale >= 2 else scale
     shown = max(round(height * scale), 1), max(round(width * scale), 1)
-    cell = max(shown[0], _SMALLEST_CELL[0]), max(shown[1], _SMALLEST_CELL[1])
+    smallest, sidebar_width = (_SMALLEST_ALONE, 0) if rows == columns == 1 else (_SMALLEST_CELL, SIDEBAR)
+    cell = max(shown[0], smallest[0]), max(shown[1], smallest[1])
 
     corners = [
-        (GAP + column * (cell[1] + GAP), GAP + row * (cell[0] + HEADER + GAP)) for row in (0, 1) for column in (0, 1)
+        (GAP + column * (cell[1] + GAP), GAP + row * (cell[0] + HEADER + GAP))
+        for row in range(rows)
+        for column in range(columns)
     ]
     headers = [Box(x, y, cell[1], HEADER) for x, y in corners]
     images = [
         Box(x + (cell[1] - shown[1]) // 2, y + HEADER + (cell[0] - shown[0]) // 2, shown[1], shown[0])
         for x, y in corners
     ]
-    right, bottom = headers[3].right, headers[3].bottom + cell[0]
-    sidebar = Box(right + GAP, GAP, SIDEBAR, bottom - GAP)
+    right, bottom = headers[-1].right, headers[-1].bottom + cell[0]
+    sidebar = Box(right + GAP if sidebar_width else right, GAP, sidebar_width, bottom - GAP)
     frame = _even(bottom + GAP), _even(sidebar.right + GAP)
-    return Layout(frame, scale, (images[0], images[1], images[2], images[3]), (*headers,), sidebar)  # pyright: ignore
+    return Layout(frame, scale, (*images,), (*headers,), sidebar)
 
 
 def _even(length: int) -> int:

@@ -10,26 +10,62 @@ from evimo.viewing.colours import (
     NEGATIVE,
     POSITIVE,
     RGB,
+    STATIC,
     Image,
     depth_table,
     direction_colours,
 )
 from evimo.viewing.layout import Box, Layout
-from evimo.viewing.maps import FILL, hatch
+from evimo.viewing.maps import FILL, hatch, stripes
 from evimo.viewing.strokes import PLAIN, SMALL, TITLE, swatch, text_width, write, z_sign
+
+SWATCH = 11
 
 
 def titles(image: Image, layout: Layout) -> None:
-    """Write the four title bars with the legends that never change, in place."""
+    """Write the four title bars of estimates with the legends that never change, in place."""
     names = ("Events", "Moving objects", "Relative depth", "Object velocity")
     for name, header in zip(names, layout.headers, strict=True):
-        write(image, name, (header.x, header.y + 16), size=TITLE, bold=True)
+        title(image, header, name)
     events, mask, depth, velocity = layout.headers
-    _swatches(image, events, {"brighter": POSITIVE, "darker": NEGATIVE})
-    _swatches(image, mask, {"moving, no id": _over_card(MOVING_WITHOUT_ID), "no data": hatch((11, 11))})
-    _depths(image, depth)
-    hint = "id: speed, mean depths/s"
-    write(image, hint, (velocity.right, velocity.y + 16), colour=MUTED, align="right")
+    polarities(image, events)
+    _swatches(image, mask, {"moving, no id": _over_card(MOVING_WITHOUT_ID), "no data": hatch((SWATCH, SWATCH))})
+    depths(image, depth, bounds=DEPTH_RANGE, unit="mean depths")
+    hint(image, velocity, "id: speed, mean depths/s")
+
+
+def title(image: Image, header: Box, name: str) -> int:
+    """Write the name of a panel at the left of its title bar, in place; returns the column behind it."""
+    return write(image, name, (header.x, header.y + 16), size=TITLE, bold=True)
+
+
+def hint(image: Image, header: Box, text: str) -> None:
+    """Explain a panel in a few words at the right of its title bar, in place."""
+    write(image, text, (header.right, header.y + 16), colour=MUTED, align="right")
+
+
+def polarities(image: Image, header: Box) -> None:
+    """The colours of events at the right of a title bar, in place."""
+    _swatches(image, header, {"brighter": POSITIVE, "darker": NEGATIVE})
+
+
+def static(image: Image, header: Box) -> None:
+    """What stripes and hatching mean where objects are true, in place."""
+    lines = np.where(stripes((SWATCH, SWATCH))[..., None], np.array(STATIC, np.uint8), np.array(CARD, np.uint8))
+    _swatches(image, header, {"static clutter": lines, "no data": hatch((SWATCH, SWATCH))})
+
+
+def depths(image: Image, header: Box, *, bounds: tuple[float, float], unit: str) -> None:
+    """The colour bar at the right of a title bar, near on the left, in place; every factor of two has a tick."""
+    width = 150
+    x, y = header.right - width - 12, header.y + 5
+    near, far = np.log2(bounds)
+    image[y : y + 9, x : x + width] = depth_table()[np.linspace(0, 255, width).astype(int)]
+    for power in range(round(near), round(far) + 1):
+        column = x + round((power - near) / (far - near) * (width - 1))
+        image[y + 9 : y + 12, column] = MUTED
+        write(image, f"{2.0**power:g}", (column, y + 19), size=SMALL, colour=MUTED, align="centre")
+    write(image, unit, (x - 12, y + 4), size=SMALL, colour=MUTED, align="right")
 
 
 def wheel(image: Image, box: Box) -> None:
@@ -60,19 +96,6 @@ def _swatches(image: Image, header: Box, entries: dict[str, RGB | Image]) -> Non
     x, y = header.right + 14 - sum(text_width(name) + 30 for name in entries), header.y + 16
     for name, fill in entries.items():
         x = write(image, name, (swatch(image, (x, y), fill=fill), y), colour=MUTED) + 14
-
-
-def _depths(image: Image, header: Box) -> None:
-    """The colour bar, near on the left; every factor of two has a tick."""
-    width = 150
-    x, y = header.right - width - 12, header.y + 5
-    near, far = np.log2(DEPTH_RANGE)
-    image[y : y + 9, x : x + width] = depth_table()[np.linspace(0, 255, width).astype(int)]
-    for power in range(round(near), round(far) + 1):
-        column = x + round((power - near) / (far - near) * (width - 1))
-        image[y + 9 : y + 12, column] = MUTED
-        write(image, f"{2.0**power:g}", (column, y + 19), size=SMALL, colour=MUTED, align="centre")
-    write(image, "mean depths", (x - 12, y + 4), size=SMALL, colour=MUTED, align="right")
 
 
 def _over_card(colour: RGB) -> Image:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.events.events import Events
-from evimo.viewing.colours import CARD, NEGATIVE, POSITIVE, RGB, RULE, Image, depth_index, painted
+from evimo.viewing.colours import CARD, DEPTH_RANGE, NEGATIVE, POSITIVE, RGB, RULE, Image, depth_index, painted
 from evimo.viewing.strokes import polyline
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -88,9 +88,15 @@ def tinted(image: Image, tint: Image, mask: NDArray[np.bool_]) -> None:
     cv2.copyTo(mixed, mask.view(np.uint8), image)
 
 
-def depth_picture(rel_depth: NDArray[np.float32], *, known: NDArray[np.bool_], table: Image) -> Image:
-    """Depths through the colour table; 1 mean depth where not `known`."""
-    return painted(depth_index(np.where(known, rel_depth, np.float32(1))), table)
+def depth_picture(
+    depth: NDArray[np.float32],
+    *,
+    known: NDArray[np.bool_],
+    table: Image,
+    bounds: tuple[float, float] = DEPTH_RANGE,
+) -> Image:
+    """Depths through the colour table, nearest to farthest between the bounds; depth 1 where not `known`."""
+    return painted(depth_index(np.where(known, depth, np.float32(1)), bounds=bounds), table)
 
 
 def outline(image: Image, mask: NDArray[np.bool_], *, zoom: Zoom, colour: RGB) -> None:
@@ -107,6 +113,19 @@ def hatch(shape: tuple[int, int]) -> Image:
     rows, columns = np.indices(shape)
     stripe = ((rows + columns) // 3) % 3 == 0
     return np.where(stripe[..., None], np.array(RULE, np.uint8), np.array((36, 40, 48), np.uint8)).astype(np.uint8)
+
+
+def stripes(shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Thin diagonals, rising where those of `hatch` fall."""
+    rows, columns = np.indices(shape)
+    return (columns - rows) % 7 < 2
+
+
+def striped(image: Image, lines: NDArray[np.bool_], *, colour: RGB, mask: NDArray[np.bool_]) -> None:
+    """Draw the lines of a panel in one colour where a mask of working size says so, in place."""
+    if mask.any():
+        inside = cv2.resize(mask.view(np.uint8), image.shape[1::-1], interpolation=cv2.INTER_NEAREST_EXACT)
+        cv2.copyTo(np.full_like(image, colour), inside * lines, image)
 
 
 def hatched(image: Image, stripes: Image, *, unknown: NDArray[np.bool_]) -> None:

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.recordings.estimate import MovingObject
 from evimo.viewing.colours import Image, direction_colours, id_colour
 from evimo.viewing.layout import Box
 from evimo.viewing.maps import Zoom
+from evimo.viewing.moment import Mark
 from evimo.viewing.strokes import arrow, chip, free_place, text_width, z_sign
 
 LONGEST_ARROW = 0.22
@@ -21,15 +21,15 @@ _LABEL_HEIGHT = 18
 _MARGIN = 10
 
 
-def velocity_table(objects: Sequence[MovingObject], *, full: float) -> Image:
+def velocity_table(objects: Sequence[Mark], *, full: float) -> Image:
     """(256, 3) uint8: `table[ids]` paints each object by the direction of its velocity; the background is black."""
     table = np.zeros((256, 3), np.uint8)
     for one in objects:
-        table[one.id] = direction_colours(_velocity(one)[:2], full=full)
+        table[one.id] = direction_colours(one.velocity[:2], full=full)
     return table
 
 
-def label_objects(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom) -> None:
+def label_objects(panel: Image, objects: Sequence[Mark], *, zoom: Zoom) -> None:
     """Write each object's id beside it, in place."""
     boxes = {one.id: _box(one, zoom) for one in objects}
     labels: list[Box] = []
@@ -38,14 +38,14 @@ def label_objects(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom) 
         labels.append(_label(panel, f"{one.id}", one, around=boxes[one.id], taken=[*labels, *others]))
 
 
-def draw_velocities(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom, full: float) -> None:
+def draw_velocities(panel: Image, objects: Sequence[Mark], *, zoom: Zoom, full: float) -> None:
     """Draw an arrow from each object's centroid, and its speed beside it, in place.
 
-    `full`: speed of the longest arrow, in mean depths per second.
+    `full`: speed of the longest arrow, in lengths per second.
     """
     taken: list[Box] = []
     for one in objects:
-        velocity = _velocity(one)
+        velocity = one.velocity
         start = zoom.point(np.array(one.centroid))
         stop = start + velocity[:2] / full * LONGEST_ARROW * panel.shape[1]
         start, stop = inside(start, stop, panel.shape[:2])
@@ -59,9 +59,9 @@ def draw_velocities(panel: Image, objects: Sequence[MovingObject], *, zoom: Zoom
         taken.append(_label(panel, described(one), one, around=_box(one, zoom), taken=taken))
 
 
-def described(one: MovingObject) -> str:
-    """Id, speed in mean depths per second, and whether it comes or goes: `2: 0.41 away`."""
-    velocity = _velocity(one)
+def described(one: Mark) -> str:
+    """Id, speed in lengths per second, and whether it comes or goes: `2: 0.41 away`."""
+    velocity = one.velocity
     words = "" if not speaks_of_z(velocity) else " towards" if velocity[2] < 0 else " away"
     return f"{one.id}: {np.linalg.norm(velocity):.2f}{words}"
 
@@ -81,18 +81,14 @@ def inside(
     return start + move, stop + move
 
 
-def _box(one: MovingObject, zoom: Zoom) -> Box:
+def _box(one: Mark, zoom: Zoom) -> Box:
     left, top = zoom.point(np.array(one.box[:2]) - 0.5)
     right, bottom = zoom.point(np.array(one.box[2:]) + 0.5)
     return Box(round(left), round(top), round(right - left), round(bottom - top))
 
 
-def _label(panel: Image, text: str, one: MovingObject, *, around: Box, taken: Sequence[Box]) -> Box:
+def _label(panel: Image, text: str, one: Mark, *, around: Box, taken: Sequence[Box]) -> Box:
     width = text_width(text, bold=True) + 8
     place = free_place((_LABEL_HEIGHT, width), around=around, inside=panel.shape[:2], taken=taken)
     chip(panel, text, place, colour=id_colour(one.id))
     return place
-
-
-def _velocity(one: MovingObject) -> NDArray[np.float64]:
-    return np.nan_to_num(np.asarray(one.rel_velocity, np.float64))

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from evimo.recordings.estimate import Estimate
 from evimo.viewing.colours import CARD, MUTED, RULE, X_AXIS, Y_AXIS, Z_AXIS, Image
 from evimo.viewing.history import History, plot
 from evimo.viewing.layout import Box
 from evimo.viewing.legends import depth_signs, wheel
+from evimo.viewing.moment import Moment
 from evimo.viewing.strokes import TITLE, arrow, write
 
 _PAD = 14
@@ -17,11 +17,14 @@ _LEGEND = 212
 class Sidebar:
     """Draws into one box of the frame; the parts that never change are drawn once by `prepare`.
 
-    `longest_arrow`: length in px of the arrow of the speed limit.
+    `longest_arrow`: length in px of the arrow of the speed limit. `unit`: of velocities. `coloured`: what the colours
+    of directions speak of.
     """
 
-    def __init__(self, box: Box, *, longest_arrow: float) -> None:
-        self._box, self._longest = box, longest_arrow
+    def __init__(
+        self, box: Box, *, longest_arrow: float, unit: str = "mean depths/s", coloured: str = "Object velocity"
+    ) -> None:
+        self._box, self._longest, self._unit, self._coloured = box, longest_arrow, unit, coloured
         left, width = box.x + _PAD, box.width - 2 * _PAD
         self._status = Box(left, box.y + 8, width, _STATUS)
         self._legend = Box(left, box.bottom - _LEGEND, width, _LEGEND)
@@ -37,20 +40,19 @@ class Sidebar:
         x, y = self._motion_title.x, self._motion_title.y + 35
         for name, colour in (("x right", X_AXIS), ("y down", Y_AXIS), ("z forward", Z_AXIS)):
             x = write(image, name, (x, y), colour=colour) + 14
-        for box, name in zip(self._plots, ("translation, mean depths/s", "rotation, rad/s"), strict=True):
+        for box, name in zip(self._plots, (f"translation, {self._unit}", "rotation, rad/s"), strict=True):
             write(image, name, (box.x, box.y - 12), colour=MUTED)
-        self._title(image, "Object velocity", self._legend.y)
+        self._title(image, self._coloured, self._legend.y)
         wheel(image, Box(self._legend.x, self._legend.y + 28, self._legend.width, 124))
         depth_signs(image, (self._legend.x, self._legend.bottom - 18))
 
-    def draw(self, image: Image, estimate: Estimate, *, events: int, history: History, time_origin_us: int) -> None:
+    def draw(self, image: Image, moment: Moment, *, events: int, history: History, time_origin_us: int) -> None:
         """What changes from slice to slice, in place."""
-        time_s = (estimate.t_us - time_origin_us) / 1e6
-        length_us = estimate.stop_us - estimate.start_us
+        time_s = (moment.t_us - time_origin_us) / 1e6
+        length_us = moment.stop_us - moment.start_us
         x, y = self._status.x, self._status.y
         write(image, f"{time_s:.3f} s", (x, y + 16), size=0.85, bold=True)
-        plural = "" if len(estimate.objects) == 1 else "s"
-        write(image, f"{len(estimate.objects)} moving object{plural}", (x, y + 43))
+        write(image, moment.headline, (x, y + 43))
         write(image, f"{events:,} events".replace(",", " "), (x, y + 62), colour=MUTED)
         write(
             image, f"slice {length_us / 1e3:g} ms, {1e6 / max(length_us, 1):.0f} per second", (x, y + 81), colour=MUTED
@@ -64,7 +66,7 @@ class Sidebar:
         start = np.array([self._legend.x + 1.0, y])
         stop = start + (self._longest / 2, 0)
         arrow(image, start, stop)
-        write(image, f"{full / 2:g} mean depths/s", (stop[0] + 10, y), colour=MUTED)
+        write(image, f"{full / 2:g} {self._unit}", (stop[0] + 10, y), colour=MUTED)
 
     def _title(self, image: Image, name: str, y: int) -> None:
         image[y, self._box.x + _PAD : self._box.right - _PAD] = RULE

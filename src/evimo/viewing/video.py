@@ -1,5 +1,7 @@
 """H.264 video files."""
 
+import os
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -36,9 +38,7 @@ class VideoWriter:
     def __init__(self, path: str | Path, *, fps: float, crf: int = 22) -> None:
         if not fps > 0:
             raise BadInput(f"a video of {fps} images per second cannot be played", fix="give a positive number")
-        self.path = Path(path)
-        if self.path.suffix.lower() not in (".mp4", ".mkv"):
-            raise BadInput(f"{self.path.name} is no name of a video", fix="end it with .mp4 or .mkv")
+        self.path = _video_path(path)
         self._fps = Fraction(fps).limit_denominator(1001)
         self._crf = crf
         self._opened: tuple[OutputContainer, VideoStream] | None = None
@@ -98,3 +98,64 @@ class VideoWriter:
         context.color_primaries = context.color_trc = _BT709
         context.colorspace, context.color_range = _BT601, _LIMITED
         return container, stream
+
+
+class WholeVideo:
+    """A video that appears under its name when it is complete, and else not at all.
+
+    Used as a context: leaving it without `keep` leaves what was there before.
+
+    Args:
+        path, fps: as for `VideoWriter`.
+
+    Raises:
+        BadInput: as `VideoWriter`; or the file cannot be written, or its disk is full.
+    """
+
+    def __init__(self, path: str | Path, *, fps: float) -> None:
+        self.path = _video_path(path)
+        self._unfinished = self.path.with_name(f".{self.path.stem}.{os.getpid()}.unfinished{self.path.suffix}")
+        self._writer = VideoWriter(self._unfinished, fps=fps)
+        self._made = [folder for folder in self.path.parents if not folder.exists()]
+        if self.path.is_dir():
+            raise BadInput(f"{self.path} is a folder", fix="the name of a file that ends with .mp4")
+
+    def write(self, image: Image) -> None:
+        """Append one image; see `VideoWriter.write`."""
+        try:
+            self._writer.write(image)
+        except OSError as error:
+            raise self._unwritable(error) from error
+
+    def keep(self) -> None:
+        """Complete the file and give it its name; at least one image was written."""
+        try:
+            self._writer.close()
+            os.replace(self._unfinished, self.path)
+        except OSError as error:
+            raise self._unwritable(error) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with suppress(OSError):  # a full disk, of which the user has heard
+            self._writer.close()
+        self._unfinished.unlink(missing_ok=True)
+        for folder in self._made:
+            with suppress(OSError):  # not empty, or never made
+                folder.rmdir()
+
+    def _unwritable(self, error: OSError) -> BadInput:
+        return BadInput(
+            f"cannot write {self.path}: {error.strerror}", fix="another --out file, or more room on the disk"
+        )
+
+
+def _video_path(path: str | Path) -> Path:
+    path = Path(path)
+    if path.suffix.lower() not in (".mp4", ".mkv"):
+        raise BadInput(f"{path.name} is no name of a video", fix="end it with .mp4 or .mkv")
+    return path
