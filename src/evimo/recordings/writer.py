@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
+from evimo.recordings.pose_track import PoseSource
+from evimo.recordings.pose_words import frame_words
+from evimo.recordings.stored import exact_motions, exact_poses, save_arrays, stored_maps, tracks, without_maps
 from evimo.recordings.truth import Truth
 
 ARRAYS = {"t": ("<f8", 1), "xy": ("<u2", 2), "p": ("|u1", 1)}
 MAPS = ("depth", "mask", "clutter")
 FORMAT = 1
-COMPRESSION = 4
-ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # not the clock's: the same recording gives the same bytes
 
 
 class RecordingWriter:
@@ -31,12 +32,16 @@ class RecordingWriter:
     Args:
         folder: to make; must not exist yet.
         camera: of the sensor. facts: plain numbers and words for the JSON, how it was made.
+        poses: where the camera and the objects are; without, none are written.
     """
 
-    def __init__(self, folder: Path, camera: Camera, *, facts: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self, folder: Path, camera: Camera, *, facts: dict[str, Any] | None = None, poses: PoseSource | None = None
+    ) -> None:
         if folder.exists():
             raise BadInput(f"{folder} exists", fix="another name, or remove it")
         self.folder, self.camera, self.facts = folder, camera, facts or {}
+        self.poses = poses
         self.unfinished = folder.with_name(f".{folder.name}.unfinished")
         self.truths: list[Truth] = []
         self.events = 0
@@ -69,15 +74,9 @@ class RecordingWriter:
         self._arrays["t"].write((events.t * 1e-6).astype("<f8").tobytes())
         self._arrays["xy"].write(np.stack((events.x, events.y), axis=1).astype("<u2").tobytes())
         self._arrays["p"].write((events.p > 0).astype("|u1").tobytes())
-        depth = np.where(truth.valid, np.rint(truth.depth * 1000), 0).clip(0, 65535).astype(np.uint16)
-        bodies = truth.clutter.astype(np.uint8) if clutter_bodies is None else clutter_bodies
-        for name, values in (("depth", depth), ("mask", truth.ids.astype(np.uint16) * 1000), ("clutter", bodies)):
-            member = zipfile.ZipInfo(f"{name}_{len(self.truths):010d}.npy", ZIP_DATE)
-            member.compress_type = zipfile.ZIP_DEFLATED
-            with self._maps[name].open(member, "w") as file:
-                np.lib.format.write_array(file, values, allow_pickle=False)
-        nothing = np.zeros((0, 0))
-        self.truths.append(Truth(truth.t_us, nothing, nothing, nothing, nothing, truth.ego, truth.objects))  # type: ignore[arg-type]
+        for name, values in stored_maps(truth, clutter_bodies).items():
+            save_arrays(self._maps[name], {f"{name}_{len(self.truths):010d}": values})
+        self.truths.append(without_maps(truth))
 
     def _begun(self, name: str) -> BinaryIO:
         file = self._file(f"events_{name}.npy").open("wb")
@@ -88,19 +87,17 @@ class RecordingWriter:
         return self.unfinished / f"dataset_{name}"
 
     def _write_facts(self) -> None:
-        times = np.array([truth.t_us for truth in self.truths], np.int64)
-        ids = sorted({id_ for truth in self.truths for id_ in truth.objects})
-        motions = np.full((3, len(times), len(ids), 3), np.nan)
-        for frame, truth in enumerate(self.truths):
-            for id_, moved in truth.objects.items():
-                motions[:, frame, ids.index(id_)] = moved.position, moved.velocity, moved.rotation
-        ego = np.array([truth.ego for truth in self.truths]).reshape(-1, 6)
-        sim = {"times_us": times, "ego": ego, "object_ids": np.array(ids, np.uint8)}
-        sim |= dict(zip(("positions", "velocities", "rotations"), motions, strict=True))
-        _save_arrays(self._file("sim.npz"), sim)
-        self._file("info.json").write_text(json.dumps(self._information(times), indent=1))
+        sim = exact_motions(self.truths)
+        frames = [{"id": k, "ts": t * 1e-6} for k, t in enumerate(sim["times_us"].tolist())]
+        if self.poses:
+            at_frames, trajectory = tracks(self.poses, sim["times_us"])
+            sim |= exact_poses(at_frames, trajectory)
+            frames = frame_words(at_frames.in_world_of(trajectory.world_from_cam[0]))
+        with zipfile.ZipFile(self._file("sim.npz"), "w") as archive:
+            save_arrays(archive, sim)
+        self._file("info.json").write_text(json.dumps(self._information(frames), indent=1))
 
-    def _information(self, times: NDArray[np.int64]) -> dict[str, Any]:
+    def _information(self, frames: list[dict[str, Any]]) -> dict[str, Any]:
         lens = self.camera
         names = ("k1", "k2", "p1", "p2", "k3") if lens.lens == "radtan" else ("k1", "k2", "k3", "k4")
         intrinsics = {name: 0.0 for name in ("k1", "k2", "k3", "k4", "p1", "p2")}
@@ -108,7 +105,6 @@ class RecordingWriter:
         meta = {"fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy, **intrinsics}
         meta |= {"dist_model": "radtan" if lens.lens == "radtan" else "equidistant"}
         meta |= {"res_x": lens.width, "res_y": lens.height, "ros_time_offset": 0.0}
-        frames = [{"id": k, "ts": t * 1e-6} for k, t in enumerate(times.tolist())]
         facts = {"format": FORMAT, "camera": asdict(lens), **self.facts}
         return {"evimo": facts, "meta": {"meta": meta, "frames": frames}}
 
@@ -119,10 +115,3 @@ def _write_header(file: BinaryIO, name: str, rows: int) -> None:
     shape = (rows,) if columns == 1 else (rows, columns)
     header = {"descr": kind, "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)
-
-
-def _save_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, values in arrays.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), "w") as file:
-                np.lib.format.write_array(file, values, allow_pickle=False)

@@ -1,0 +1,64 @@
+"""Poses in the words of EV-IMO and EVIMO2: translation, fixed-axis angles and quaternion under their names."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from evimo.recordings.pose_track import PoseTrack
+
+F8 = NDArray[np.float64]
+
+DIGITS = 9  # differences at 200 Hz are then right to 1e-7 m/s
+TRAJECTORY_ID = 2**64 - 1  # what the datasets have there
+# EV-IMO's first version: x up, y left, z backward.
+V1_FROM_CAM = np.array([[0.0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
+
+
+def in_v1_axes(track: PoseTrack) -> PoseTrack:
+    """The same poses where the camera's axes, and so the axes of its world, are those of EV-IMO's first version.
+
+    An object keeps its own axes, which are arbitrary there too.
+    """
+    world_from_cam = V1_FROM_CAM @ track.world_from_cam @ V1_FROM_CAM.T
+    return replace(track, world_from_cam=world_from_cam, cam_from_object=V1_FROM_CAM @ track.cam_from_object)
+
+
+def frame_words(track: PoseTrack) -> list[dict[str, Any]]:
+    """One entry of `frames` per instant; the world's origin should be the camera at time zero."""
+    entries = _entries(track)
+    return [{"id": k, **entry, "gt_frame": f"depth_mask_{k}.png"} for k, entry in enumerate(entries)]
+
+
+def trajectory_words(track: PoseTrack) -> list[dict[str, Any]]:
+    """One entry of `full_trajectory` per instant."""
+    return [{"id": TRAJECTORY_ID, **entry} for entry in _entries(track)]
+
+
+def _entries(track: PoseTrack) -> list[dict[str, Any]]:
+    """Time, camera and objects of each instant: `ts`, `cam`, and each object under its number."""
+    names = ["cam", *map(str, track.object_ids.tolist())]
+    poses = np.concatenate((track.world_from_cam[:, None], track.cam_from_object), axis=1)
+    words = _words(poses.reshape(-1, 4, 4))
+    entries: list[dict[str, Any]] = []
+    for k, t_us in enumerate(track.times_us.tolist()):
+        time_s = round(t_us * 1e-6, 6)
+        mine = words[k * len(names) : (k + 1) * len(names)]
+        bodies = {name: {"pos": pose, "ts": time_s} for name, pose in zip(names, mine, strict=True)}
+        entries.append({"ts": time_s, **bodies})
+    return entries
+
+
+def _words(poses: F8) -> list[dict[str, dict[str, float]]]:
+    """Each of (N, 4, 4) as {t: x y z, rpy: r p y, q: w x y z}, m and rad."""
+    if not len(poses):
+        return []
+    rotation = Rotation.from_matrix(poses[:, :3, :3])
+    angles, quaternions = rotation.as_euler("xyz"), rotation.as_quat()[:, [3, 0, 1, 2]]
+    parts = (("t", "xyz", poses[:, :3, 3]), ("rpy", "rpy", angles), ("q", "wxyz", quaternions))
+    named = [(name, letters, np.round(values, DIGITS).tolist()) for name, letters, values in parts]
+    return [
+        {name: dict(zip(letters, rows[k], strict=True)) for name, letters, rows in named} for k in range(len(poses))
+    ]
