@@ -17,6 +17,7 @@ from evimo.errors import EvimoError, EvimoWarning
 COMMANDS = {
     "run": "Find moving objects, depth and motion in a recording.",
     "info": "Say what is in a recording.",
+    "view": "Show a recording as a video, with its truth where that is known.",
     "simulate": "Make recordings with exact truth.",
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",

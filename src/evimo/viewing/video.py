@@ -109,7 +109,7 @@ class WholeVideo:
         path, fps: as for `VideoWriter`.
 
     Raises:
-        BadInput: as `VideoWriter`; or the file cannot be written, or its disk is full.
+        BadInput: as `VideoWriter`; or the file cannot be written (on entering), or its disk is full.
     """
 
     def __init__(self, path: str | Path, *, fps: float) -> None:
@@ -136,6 +136,11 @@ class WholeVideo:
             raise self._unwritable(error) from error
 
     def __enter__(self) -> Self:
+        try:  # now rather than after a long way to the first image
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._unfinished.touch()
+        except OSError as error:
+            raise self._unwritable(error) from error
         return self
 
     def __exit__(
@@ -145,7 +150,7 @@ class WholeVideo:
             self._writer.close()
         self._unfinished.unlink(missing_ok=True)
         for folder in self._made:
-            with suppress(OSError):  # not empty, or never made
+            with suppress(OSError):  # not empty
                 folder.rmdir()
 
     def _unwritable(self, error: OSError) -> BadInput:

@@ -1,0 +1,203 @@
+"""`evimo view`: a recording as a video, and what really happened in it where that is known."""
+
+import math
+import signal
+import sys
+import warnings
+from collections.abc import Callable, Generator
+from contextlib import closing, contextmanager
+from dataclasses import replace
+from importlib import metadata
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.cli.progress import progress
+from evimo.errors import BadInput, EvimoError, EvimoWarning
+
+if TYPE_CHECKING:
+    from evimo.events.io.event_file import EventFile
+    from evimo.events.slices import Slice
+    from evimo.recordings.recording import Recording
+    from evimo.streaming.span import Span
+    from evimo.viewing.colours import Image
+
+Light = Callable[[int], NDArray[np.float32]]
+"""From an instant in µs to its picture, (H, W) linear light."""
+
+Drawer = Callable[["Slice"], "Image | None"]
+"""From a slice to its frame; None where nothing is known of it."""
+
+TRUTH_FILES = ("dataset_sim.npz", "dataset_clutter.npz")  # only our own folders have them
+FASTEST_FPS = 60.0  # players drop images beyond their screen's rate: rather leave out slices
+ALIKE = 0.999  # share of pixels with the same id in a picture made again
+STOPPED = 130
+
+
+def view(
+    recording: Path,
+    *,
+    out: Path | None = None,
+    speed: float = 0.25,
+    start: float = 0.0,
+    stop: float | None = None,
+    sensor: str | None = None,
+    picture: bool = True,
+) -> int:
+    """Show a recording as a video.
+
+    Of a folder made by `evimo simulate` it shows what really happened: events, objects by their ids, depth in m, dense
+    flow, the camera's motion, the objects' velocities, and the picture that the camera saw, rendered again from the
+    recording's seed. Of any other recording it shows the events. Ctrl-C leaves a complete video of what was done.
+
+    Args:
+        recording: a folder made by `evimo simulate`, or an event file of any known format.
+        out: the video, .mp4 or .mkv; out/NAME.mp4 by default. A file of that name is replaced once the new one is
+            complete.
+        speed: of the video, 1 being real time; the default is slow enough to watch single slices.
+        start: seconds after the recording's beginning. Slices lie on its own clock and do not move with it.
+        stop: seconds after the recording's beginning.
+        sensor: its size as WxH, where the file does not tell.
+        picture: render what the camera saw; it takes most of the time.
+    """
+    if not 0 < speed <= 100:
+        raise BadInput(f"a video {speed:g} times as fast", fix="--speed between 0 and 100, as in 0.25")
+    from evimo.events.slices import SLICE_US
+    from evimo.viewing.video import WholeVideo
+
+    fps = speed * 1e6 / SLICE_US
+    every = max(1, math.ceil(fps / FASTEST_FPS))
+    with WholeVideo(out or _default_file(recording), fps=fps / every) as video:
+        events, span, draw = _prepared(recording, sensor, span_s=(start, stop), picture=picture)
+        count, done = 0, 0
+        with _stopping() as stopped, progress(len(span)) as advance, closing(_slices(events, span)) as slices:
+            for part in slices:
+                image = draw(part) if (part.index - span.first) % every == 0 else None
+                if image is not None:
+                    video.write(image)
+                    count += 1
+                done += 1
+                advance()
+                if stopped:
+                    break
+        if not count:
+            raise BadInput(f"nothing is known of {recording} in this span", fix="another --start or --stop")
+        video.keep()
+    early = done < len(span)
+    print(
+        f"{'stopped early: ' if early else ''}{count} frames, {done * SLICE_US * 1e-6:g} s of recording\n  {video.path}"
+    )
+    return STOPPED if early else 0
+
+
+def pictures(recording: "Recording") -> Light | None:
+    """What the camera of a simulated recording saw, made again from its seed; None where this version makes another."""
+    from evimo.scene.renderer import Renderer
+    from evimo.simulate.recording import simulate_recording
+
+    meta, camera = recording.meta, recording.camera
+    if meta.get("version") != metadata.version("evimo"):  # textures are not stored: nothing could tell them apart
+        return None
+    try:
+        again = simulate_recording(
+            meta["seed"], set_number=meta["set"], seconds=meta["seconds"], camera=meta["camera_kind"], size=camera.size
+        )
+    except (KeyError, EvimoError):
+        return None
+    renderer, middle = Renderer(again.scene, again.camera), len(recording) // 2
+    made, kept = renderer.truth(int(recording.times_us[middle])), recording.truth(middle)
+    if again.camera != camera or not np.allclose(made.ego, kept.ego) or (made.ids == kept.ids).mean() < ALIKE:
+        return None
+    return lambda t_us: renderer.frames(np.array([t_us * 1e-6])).image[0]
+
+
+def _default_file(recording: Path) -> Path:
+    return Path("out") / f"{recording.resolve().stem or 'recording'}.mp4"
+
+
+def _prepared(
+    path: Path, sensor: str | None, *, span_s: tuple[float, float | None], picture: bool
+) -> tuple["EventFile", "Span", Drawer]:
+    """The events, the slices to show and how to draw one; everything checked that can be before it starts."""
+    from evimo.streaming.span import span_of
+
+    if any((path / name).exists() for name in TRUTH_FILES):
+        from evimo.recordings.recording import open_recording
+
+        recording = open_recording(path)
+        span = span_of(_lasting(recording), start_s=span_s[0], stop_s=span_s[1])
+        return recording.events, span, _truth_drawer(recording, _light(recording) if picture else None)
+    from evimo.events.io.opening import open_events
+    from evimo.events.io.sensors import sensor_size
+    from evimo.viewing.event_panel import EventPanel
+
+    events = open_events(path, sensor=sensor_size(sensor) if sensor else None)
+    span, panel = span_of(events, start_s=span_s[0], stop_s=span_s[1]), EventPanel(events.sensor)
+    return events, span, lambda part: panel.draw(part, time_origin_us=events.start_us)
+
+
+def _lasting(recording: "Recording") -> "EventFile":
+    """The events, said to last as long as truth is known: a resting camera may see none at the ends."""
+    from evimo.events.slices import SLICE_US
+
+    events, times_us = recording.events, recording.times_us
+    first_us, last_us = (int(times_us[at]) // SLICE_US * SLICE_US for at in (0, -1))
+    return replace(events, start_us=min(events.start_us, first_us), stop_us=max(events.stop_us, last_us + SLICE_US))
+
+
+def _light(recording: "Recording") -> Light | None:
+    print(
+        f"rendering what the camera saw from seed {recording.meta.get('seed')}; --no-picture is faster", file=sys.stderr
+    )
+    light = pictures(recording)
+    if light is None:
+        text = f"{recording.path.name} was made by another version of evimo: its pictures cannot be rendered again"
+        warnings.warn(text, EvimoWarning, stacklevel=2)
+    return light
+
+
+def _truth_drawer(recording: "Recording", light: Light | None) -> Drawer:
+    from evimo.events.slices import SLICE_US
+    from evimo.viewing.truth_panels import TruthPanels, depth_bounds
+
+    times_us, origin_us = recording.times_us, _lasting(recording).start_us
+    some = sorted({0, len(recording) // 2, len(recording) - 1})
+    bounds = depth_bounds(recording.truth(k) for k in some)
+    panels = TruthPanels(recording.camera, bounds=bounds, intensity=light is not None)
+
+    def draw(part: "Slice") -> "Image | None":
+        nearest = int(np.abs(times_us - part.centre_us).argmin())
+        t_us = int(times_us[nearest])
+        if abs(t_us - part.centre_us) > SLICE_US // 2:
+            return None
+        seen = None if light is None else light(t_us)
+        return panels.draw(part, recording.truth(nearest), time_origin_us=origin_us, light=seen)
+
+    return draw
+
+
+def _slices(events: "EventFile", span: "Span") -> Generator["Slice"]:
+    from evimo.events.slices import SLICE_US, in_slices
+
+    start_us, stop_us = span.first * SLICE_US, span.last * SLICE_US
+    yield from in_slices(events.packets(start_us, stop_us), start_us=start_us, stop_us=stop_us)
+
+
+@contextmanager
+def _stopping() -> Generator[list[bool]]:
+    """Empty until the first Ctrl-C, which asks to stop; the second one breaks off."""
+    stopped: list[bool] = []
+
+    def ask_to_stop(number: int, frame: FrameType | None) -> None:
+        stopped.append(True)
+        signal.signal(signal.SIGINT, before)
+        print("stopping after this frame; Ctrl-C again to give up", file=sys.stderr)
+
+    before = signal.signal(signal.SIGINT, ask_to_stop)
+    try:
+        yield stopped
+    finally:
+        signal.signal(signal.SIGINT, before)
