@@ -1,12 +1,18 @@
 import itertools
+import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from evimo.cli import main
 from evimo.cli.simulate import simulate
-from evimo.errors import BadInput
+from evimo.errors import BadInput, EvimoWarning
+from evimo.events.events import joined, no_events
+from evimo.events.io import open_events
 from evimo.recordings.recording import open_recording
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
+from evimo.simulate.pixels import Pixels
 
 PLAN = DatasetPlan(set_number=0, minutes=0.15 / 60, seed=40, seconds=0.05, size=(33, 44))
 
@@ -31,6 +37,43 @@ def test_stopping_leaves_complete_recordings_only(tmp_path):
     resumed = simulate_dataset(PLAN, tmp_path)
     assert next(iter(resumed)) == first
     assert len(list(itertools.islice(resumed, 1))) == 1
+
+
+@pytest.mark.parametrize("layout", ["evimo2", "evimo1"])
+def test_events_alone_are_added_to_recordings_that_are_there(layout, tmp_path):
+    plan = replace(PLAN, minutes=0.05 / 60, layout=layout)
+    (recording,) = simulate_dataset(plan, tmp_path)
+    written = recording.stat().st_mtime_ns
+    assert list(simulate_dataset(replace(plan, events="aedat4"), tmp_path)) == [recording]
+    alone = tmp_path / "set5_000040.aedat4"
+    assert {path.name for path in tmp_path.iterdir()} == {recording.name, alone.name}
+    assert recording.stat().st_mtime_ns == written
+    once = alone.stat().st_mtime_ns
+    assert list(simulate_dataset(replace(plan, events="aedat4"), tmp_path)) == [recording]
+    assert alone.stat().st_mtime_ns == once
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EvimoWarning)
+        one, two = joined(list(open_events(recording))), joined(list(open_events(alone)))
+    for name in ("x", "y", "t", "p"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+def test_a_recording_without_events_has_a_file_of_none(tmp_path, monkeypatch):
+    monkeypatch.setattr(Pixels, "events", lambda *_: no_events())
+    for layout in ("evimo2", "evimo1"):
+        plan = replace(PLAN, minutes=0.05 / 60, layout=layout, events="raw")
+        (recording,) = simulate_dataset(plan, tmp_path / layout)
+        assert recording.exists()
+        assert (tmp_path / layout / "set5_000040.raw").read_bytes().endswith(b"% end\n")
+
+
+def test_stopping_leaves_no_half_file_of_the_first_layout(tmp_path):
+    plan = replace(PLAN, layout="evimo1")
+    first = next(iter(simulate_dataset(plan, tmp_path)))
+    assert list(tmp_path.iterdir()) == [first]
+    assert first.name == "set5_000040.npz"
+    resumed = list(simulate_dataset(plan, tmp_path))
+    assert [path.name for path in resumed] == ["set5_000040.npz", "set6_000041.npz", "set1_000042.npz"]
 
 
 @pytest.mark.slow
@@ -60,8 +103,22 @@ def test_the_command_writes_recordings(tmp_path):
         ({"minutes": 0.0}, "positive"),
         ({"seed": -1}, "seed"),
         ({"seconds": 0.0}, "0.025"),
+        ({"sensor": "kodak"}, "davis346"),
+        ({"layout": "coco"}, "evimo2, evimo1"),
+        ({"events": "dat"}, "aedat4, raw"),
+        ({"events": "raw", "size": "2049x16"}, "2048"),
     ],
 )
 def test_bad_requests_say_what_would_do(how, message, tmp_path):
     with pytest.raises(BadInput, match=message):
         simulate(**{"minutes": 1.0, "out": tmp_path, **how})
+
+
+def test_the_command_takes_layout_events_and_sensor(tmp_path, capsys):
+    command = ["simulate", "--set", "3", "--minutes", "0.0005", "--seconds", "0.025", "--out", str(tmp_path)]
+    choices = ["--sensor", "samsung", "--size", "44x33", "--layout", "evimo1", "--events", "raw"]
+    assert main([*command, *choices]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"set3_000000.npz", "set3_000000.raw"}
+    for wrong in (["--sensor", "kodak"], ["--layout", "coco"], ["--events", "dat"]):
+        assert main([*command, *wrong]) == 2
+        assert "Traceback" not in "".join(capsys.readouterr())

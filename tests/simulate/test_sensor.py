@@ -3,11 +3,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from evimo.simulate.sensor import SensorSettings, draw_sensor
+from evimo.errors import BadInput
+from evimo.simulate.recording import simulate_recording
+from evimo.simulate.sensor import SENSORS, SensorSettings, draw_sensor
 
 
-def drawn(name, *, dark=False):
-    return np.array([getattr(draw_sensor(np.random.default_rng(seed), dark=dark), name) for seed in range(300)])
+def drawn(name, *, dark=False, sensor="davis346"):
+    draws = (draw_sensor(np.random.default_rng(seed), dark=dark, sensor=sensor) for seed in range(300))
+    return np.array([getattr(settings, name) for settings in draws])
 
 
 def test_thresholds_reach_what_others_found_to_transfer():
@@ -29,3 +32,54 @@ def test_the_same_generator_draws_the_same_sensor():
     one, two = (draw_sensor(np.random.default_rng(5)) for _ in range(2))
     assert one == two
     assert dataclasses.asdict(SensorSettings())["contrast"] == 0.3
+
+
+@pytest.mark.parametrize(
+    ("sensor", "size"),
+    [
+        ("davis346", (260, 346)),
+        ("davis240", (180, 240)),
+        ("dvxplorer", (480, 640)),
+        ("gen4", (720, 1280)),
+        ("samsung", (480, 640)),
+    ],
+)
+def test_a_sensor_has_its_own_size_unless_another_is_asked_for(sensor, size):
+    assert simulate_recording(1, seconds=0.025, sensor=sensor, size=(33, 44)).camera.size == (33, 44)
+    assert SENSORS[sensor].size == size
+
+
+def test_a_recording_without_size_has_the_sensors():
+    recording = simulate_recording(1, seconds=0.025, sensor="davis240")
+    assert recording.camera.size == (180, 240)
+    assert recording.facts()["sensor_kind"] == "davis240"
+
+
+@pytest.mark.parametrize("sensor", ["dvxplorer", "gen4", "samsung"])
+def test_newer_sensors_have_thresholds_that_were_carried_over_to_real_ones(sensor):
+    contrast = drawn("contrast", sensor=sensor)
+    assert contrast.min() >= 0.16
+    assert np.quantile(contrast, 0.85) < 0.34
+
+
+def test_pixels_differ_as_real_clips_of_each_sensor_do():
+    wait = {sensor: np.mean(drawn("refractory_s", sensor=sensor)) for sensor in SENSORS}
+    assert wait["dvxplorer"] < wait["gen4"] < wait["davis346"] < wait["davis240"]
+    assert np.median(drawn("on_over_off", sensor="davis240")) > 1.2  # fewer ON events than OFF
+    assert np.median(drawn("on_over_off")) == pytest.approx(1, abs=0.05)
+    assert drawn("jitter_s", sensor="gen4").max() < drawn("jitter_s", sensor="dvxplorer").min()
+
+
+def test_a_samsungs_events_come_on_the_ticks_of_its_readout():
+    pieces = list(simulate_recording(7, set_number=3, seconds=0.075, sensor="samsung", size=(33, 44)))
+    t = np.concatenate([piece.events.t for piece in pieces])
+    assert len(t) > 200
+    assert (t % 100 == 0).all()
+    assert (np.diff(t) >= 0).all()
+    for k, piece in enumerate(pieces):
+        assert ((piece.events.t >= 25_000 * k) & (piece.events.t < 25_000 * (k + 1))).all()
+
+
+def test_another_sensor_is_refused():
+    with pytest.raises(BadInput, match="one of davis346, davis240, dvxplorer, gen4, samsung"):
+        draw_sensor(np.random.default_rng(0), sensor="kodak")

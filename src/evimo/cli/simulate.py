@@ -16,30 +16,44 @@ def simulate(
     minutes: float,
     seed: int = 0,
     out: Path,
-    size: str = "346x260",
+    sensor: Literal["davis346", "davis240", "dvxplorer", "gen4", "samsung"] = "davis346",
+    size: str | None = None,
     seconds: float = 1.0,
     camera: Literal["random", "evimo"] = "random",
+    layout: Literal["evimo2", "evimo1"] = "evimo2",
+    events: Literal["aedat4", "raw"] | None = None,
     workers: int = 1,
 ) -> None:
     """Simulate recordings of a moving event camera with exact depth, ids and motion.
 
-    Each recording is a folder made from its own seed, complete as soon as it exists; the same command again makes only
-    those that are missing.
+    Each recording is a folder (or, as evimo1, a file) made from its own seed, complete as soon as it exists; the same
+    command again makes only those that are missing.
 
     Args:
         set: one of the paper's six sets, 1 to 6, or all of them in turn.
         minutes: of recording, together.
         seed: of the first recording; the others follow.
         out: folder for the recordings.
-        size: of the sensor, WxH in pixels.
+        sensor: size, thresholds and noise of this event camera.
+        size: WxH in pixels, if not the sensor's own.
         seconds: of each recording.
         camera: random lenses, or EV-IMO's own scaled to the size.
+        layout: of EVIMO2, a folder, which is what the other commands take, or of EV-IMO's first version, an .npz.
+        events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
         workers: processes.
     """
     from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 
     plan = DatasetPlan(
-        set_number=_set_number(set), minutes=minutes, seed=seed, seconds=seconds, camera=camera, size=_size(size)
+        set_number=_set_number(set),
+        minutes=minutes,
+        seed=seed,
+        seconds=seconds,
+        camera=camera,
+        sensor=sensor,
+        size=None if size is None else _size(size),
+        layout=layout,
+        events=events,
     )
     columns = (TextColumn("simulate"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with Progress(*columns) as progress:

@@ -1,7 +1,8 @@
 """Many recordings, each from its own seed: resumable, in one process or several."""
 
 import signal
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
@@ -12,10 +13,18 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from evimo.errors import BadInput
+from evimo.errors import BadInput, EvimoWarning
+from evimo.events.events import Events
+from evimo.events.io import open_events
+from evimo.events.io.npz_members import Archive, array_header
+from evimo.recordings.event_files import check_events_format, save_events
+from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.writer import RecordingWriter
 from evimo.scene.draw import SETS
-from evimo.simulate.recording import SLICE_S, simulate_recording
+from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording
+from evimo.simulate.sensor import known_sensor
+
+LAYOUTS = {"evimo2": "", "evimo1": ".npz"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +32,9 @@ class DatasetPlan:
     """What to simulate.
 
     set_number: 1 to 6, or 0 for all sets in turn. minutes: of recording. seed: of the first recording; others follow.
-    seconds: of each recording. camera: `random` or `evimo`. size: (height, width) of the sensor, px.
+    seconds: of each recording. camera: `random` or `evimo`. sensor: one of `sensor.SENSORS`.
+    size: (height, width) in px, if not the sensor's own. layout: `evimo2`, a folder, or `evimo1`, an .npz.
+    events: `aedat4` or `raw` for one more file of the events alone, beside each recording.
     """
 
     set_number: int
@@ -31,14 +42,22 @@ class DatasetPlan:
     seed: int
     seconds: float = 1.0
     camera: str = "random"
-    size: tuple[int, int] = (260, 346)
+    sensor: str = "davis346"
+    size: tuple[int, int] | None = None
+    layout: str = "evimo2"
+    events: str | None = None
 
     def __post_init__(self) -> None:
+        height, width = self.pixels
+        if self.layout not in LAYOUTS:
+            raise BadInput(f"no layout {self.layout!r}", fix=f"one of {', '.join(LAYOUTS)}")
+        if self.events is not None:
+            check_events_format(self.events, self.pixels)
         if self.set_number not in (0, *SETS):
             raise BadInput(f"no set {self.set_number}", fix="a set from 1 to 6, or all")
-        if self.minutes <= 0 or self.seconds < SLICE_S or min(self.size) < 16:
+        if self.minutes <= 0 or self.seconds < SLICE_S or min(height, width) < 16:
             raise BadInput(
-                f"{self.minutes} minutes of recordings of {self.seconds} s, {self.size[1]}x{self.size[0]} px",
+                f"{self.minutes} minutes of recordings of {self.seconds} s, {width}x{height} px",
                 fix="positive minutes, at least 0.025 s, at least 16x16 px",
             )
         if self.seed < 0:
@@ -53,18 +72,35 @@ class DatasetPlan:
         """The set of one recording."""
         return self.set_number or list(SETS)[seed % len(SETS)]
 
-    def folder(self, out: Path, seed: int) -> Path:
-        """Where one recording goes."""
-        return out / f"set{self.set_of(seed)}_{seed:06d}"
+    @property
+    def pixels(self) -> tuple[int, int]:
+        """Height and width of the recordings, px."""
+        kind = known_sensor(self.sensor)
+        return self.size or kind.size
+
+    def recording(self, out: Path, seed: int) -> Path:
+        """Where one recording goes: a folder or a file, by the layout."""
+        return out / f"{self._name(seed)}{LAYOUTS[self.layout]}"
+
+    def events_file(self, out: Path, seed: int) -> Path | None:
+        """Where its events go alone, if they do."""
+        return out / f"{self._name(seed)}.{self.events}" if self.events else None
+
+    def is_complete(self, out: Path, seed: int) -> bool:
+        """Whether a recording, and its file of events, are there."""
+        alone = self.events_file(out, seed)
+        return self.recording(out, seed).exists() and (alone is None or alone.exists())
+
+    def _name(self, seed: int) -> str:
+        return f"set{self.set_of(seed)}_{seed:06d}"
 
 
 def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Iterator[Path]:
-    """Write the recordings of a plan that do not exist yet, and yield the folder of each when it is complete."""
+    """Write the recordings of a plan that do not exist yet, and yield the path of each when it is complete."""
     seeds = range(plan.seed, plan.seed + plan.recordings)
-    for seed in seeds:
-        if (folder := plan.folder(out, seed)).exists():
-            yield folder
-    missing = [seed for seed in seeds if not plan.folder(out, seed).exists()]
+    complete = {seed for seed in seeds if plan.is_complete(out, seed)}
+    yield from (plan.recording(out, seed) for seed in sorted(complete))
+    missing = [seed for seed in seeds if seed not in complete]
     if workers <= 1:
         yield from map(partial(write_recording, plan, out), missing)
         return
@@ -85,16 +121,42 @@ def _prepare_worker(workers: int) -> None:
 
 
 def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:
-    """Simulate one recording into its folder."""
-    recording = simulate_recording(
-        seed, set_number=plan.set_of(seed), seconds=plan.seconds, camera=plan.camera, size=plan.size
-    )
-    folder = plan.folder(out, seed)
+    """Simulate one recording, if it is not there yet, and write its events alone if the plan says so."""
+    path = plan.recording(out, seed)
+    if not path.exists():
+        recording = simulate_recording(
+            seed,
+            set_number=plan.set_of(seed),
+            seconds=plan.seconds,
+            camera=plan.camera,
+            sensor=plan.sensor,
+            size=plan.size,
+        )
+        with _writer(plan, recording, path) as writer:
+            for piece in recording:
+                writer.write(piece.events, piece.truth, clutter_bodies=piece.clutter.astype(np.uint8))
+    alone = plan.events_file(out, seed)
+    if alone is not None and not alone.exists():
+        save_events(_recorded(path), alone, size=plan.pixels)
+    return path
+
+
+def _recorded(path: Path) -> Iterable[Events]:
+    """The events of a finished recording; a reader would refuse one that has none."""
+    if path.is_dir():
+        with (path / "dataset_events_t.npy").open("rb") as file:
+            rows = array_header(file, str(path)).shape[0]
+    else:
+        rows = Archive(path).header("events").shape[0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EvimoWarning)  # of a distortion that might be wrong: it is ours
+        return open_events(path) if rows else ()
+
+
+def _writer(plan: DatasetPlan, recording: SimulatedRecording, path: Path) -> RecordingWriter | Evimo1Writer:
     facts = {"version": _version(), "camera_kind": plan.camera, **recording.facts()}
-    with RecordingWriter(folder, recording.camera, facts=facts) as writer:
-        for piece in recording:
-            writer.write(piece.events, piece.truth, clutter_bodies=piece.clutter.astype(np.uint8))
-    return folder
+    writer = Evimo1Writer if plan.layout == "evimo1" else RecordingWriter
+    return writer(path, recording.camera, facts=facts, poses=recording.poses)
 
 
 def _version() -> str:

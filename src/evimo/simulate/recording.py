@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput
 from evimo.events.events import Events, joined
 from evimo.geometry.camera import Camera
+from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.truth import Truth
 from evimo.scene.bodies import Scene
 from evimo.scene.draw import SETS, draw_scene
@@ -17,7 +18,8 @@ from evimo.scene.renderer import Renderer
 from evimo.scene.textures import texture_bank
 from evimo.simulate.cameras import draw_camera
 from evimo.simulate.pixels import Pixels, blurred
-from evimo.simulate.sensor import SensorSettings, draw_sensor
+from evimo.simulate.poses import scene_poses
+from evimo.simulate.sensor import SensorSettings, draw_sensor, known_sensor
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -47,7 +49,8 @@ class SimulatedSlice:
 class SimulatedRecording:
     """A scene, a camera and a sensor, ready to be filmed; iterating yields its slices.
 
-    seed, set_number: it is made from these alone (and seconds and camera). settings: of the sensor.
+    seed, set_number: it is made from these alone (and seconds, camera and sensor). settings: of the sensor.
+    sensor: its kind.
     """
 
     seed: int
@@ -57,6 +60,7 @@ class SimulatedRecording:
     scene: Scene
     settings: SensorSettings
     attempts: int
+    sensor: str = "davis346"
 
     @property
     def slices(self) -> int:
@@ -80,12 +84,17 @@ class SimulatedRecording:
             stop_us = self.slices * SLICE_US
             yield replace(held, events=waiting.between(stop_us - SLICE_US, stop_us))
 
+    def poses(self, times_us: NDArray[np.int64]) -> PoseTrack:
+        """Where the camera and the movers are at times (M,)."""
+        return scene_poses(self.scene, times_us)
+
     def facts(self) -> dict[str, object]:
         """What made it, for the recording's JSON."""
         return {
             "set": self.set_number,
             "seed": self.seed,
             "seconds": self.seconds,
+            "sensor_kind": self.sensor,
             "sensor": asdict(self.settings),
             "movers": len(self.scene.movers),
             "clutter_bodies": sum(body.clutter for body in self.scene.bodies),
@@ -94,32 +103,40 @@ class SimulatedRecording:
 
 
 def simulate_recording(
-    seed: int, *, set_number: int = 1, seconds: float = 1.0, camera: str = "random", size: tuple[int, int] = (260, 346)
+    seed: int,
+    *,
+    set_number: int = 1,
+    seconds: float = 1.0,
+    camera: str = "random",
+    sensor: str = "davis346",
+    size: tuple[int, int] | None = None,
 ) -> SimulatedRecording:
     """Draw a recording of one of the paper's sets.
 
     Args:
         seed: the same seed gives the same recording. set_number: 1 to 6.
-        seconds: a multiple of 0.025. camera: `random` or `evimo`. size: height and width of the sensor, px.
+        seconds: a multiple of 0.025. camera: `random` or `evimo`. sensor: one of `sensor.SENSORS`.
+        size: height and width in px, if not the sensor's own.
 
     Raises:
-        BadInput: no such set or camera, or less than one slice.
+        BadInput: no such set, camera or sensor, or less than one slice.
     """
     if set_number not in SETS:
         raise BadInput(f"no set {set_number}", fix="a set from 1 to 6")
     if round(seconds / SLICE_S) < 1:
         raise BadInput(f"a recording of {seconds} s", fix="at least 0.025 s")
+    kind = known_sensor(sensor)
     style = SETS[set_number]
     bank = texture_bank(seed // RECORDINGS_PER_BANK)
     attempt = 0
     while True:
         rng = np.random.default_rng((seed, set_number, attempt))
-        lens = draw_camera(rng, camera, size)
+        lens = draw_camera(rng, camera, size or kind.size)
         scene = draw_scene(rng, style, bank, seconds=seconds)
         attempt += 1
         if _is_watchable(scene, lens, seconds) or attempt == ATTEMPTS:
-            settings = draw_sensor(rng, dark=style.dark or rng.random() < DARK)
-            return SimulatedRecording(seed, set_number, seconds, lens, scene, settings, attempt)
+            settings = draw_sensor(rng, dark=style.dark or rng.random() < DARK, sensor=sensor)
+            return SimulatedRecording(seed, set_number, seconds, lens, scene, settings, attempt, sensor)
 
 
 def _is_watchable(scene: Scene, camera: Camera, seconds: float) -> bool:
@@ -150,7 +167,7 @@ class _Film:
         self.last = self.renderer.film(time_s, strides, self.last)
         image = np.concatenate((self.blurred, blurred(self.last.image[1:], self.settings.blur_px)))
         self.blurred = image[-1:]
-        events = self.pixels.events(image, time_s)
+        events = _on_clock(self.pixels.events(image, time_s), self.settings.tick_us)
         seen = self.last.seen(2 * quarters)
         clutter = np.where(seen[1] >= 0, self.renderer.packed.clutter[np.maximum(seen[1], 0)], 0)
         return SimulatedSlice(events, self.renderer.truth(round(middle_s * 1e6), seen), clutter.astype(np.uint8))
@@ -165,6 +182,10 @@ class _Film:
         step_s = seconds / (4 * quarters)
         enough = np.clip(STEP_PX / np.maximum(fastest, 1e-3), 0, LONGEST_S) / step_s
         return quarters, possible[np.searchsorted(possible, enough, "right").clip(1) - 1].astype(np.int32)
+
+
+def _on_clock(events: Events, tick_us: int) -> Events:
+    return events if tick_us == 1 else replace(events, t=events.t // tick_us * tick_us)
 
 
 def _in_order(events: Events) -> Events:
