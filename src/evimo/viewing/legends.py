@@ -49,10 +49,10 @@ def polarities(image: Image, header: Box) -> None:
     _swatches(image, header, {"brighter": POSITIVE, "darker": NEGATIVE})
 
 
-def static(image: Image, header: Box) -> None:
-    """What stripes and hatching mean where objects are true, in place."""
+def static(image: Image, header: Box) -> int:
+    """What stripes and hatching mean where objects are true, in place; returns the first column."""
     lines = np.where(stripes((SWATCH, SWATCH))[..., None], np.array(STATIC, np.uint8), np.array(CARD, np.uint8))
-    _swatches(image, header, {"static clutter": lines, "no data": hatch((SWATCH, SWATCH))})
+    return _swatches(image, header, {"static clutter": lines, "no data": hatch((SWATCH, SWATCH))})
 
 
 def depths(image: Image, header: Box, *, bounds: tuple[float, float], unit: str) -> None:
@@ -91,11 +91,13 @@ def depth_signs(image: Image, at: tuple[int, int]) -> None:
         x = write(image, name, (x + 22, y), size=PLAIN, colour=MUTED) + 24
 
 
-def _swatches(image: Image, header: Box, entries: dict[str, RGB | Image]) -> None:
-    """Names with their colours, or pictures of 11 x 11 px, at the right of a title bar."""
-    x, y = header.right + 14 - sum(text_width(name) + 30 for name in entries), header.y + 16
+def _swatches(image: Image, header: Box, entries: dict[str, RGB | Image]) -> int:
+    """Names with their colours, or pictures of 11 x 11 px, at the right of a title bar; returns the first column."""
+    first = header.right + 14 - sum(text_width(name) + 30 for name in entries)
+    x, y = first, header.y + 16
     for name, fill in entries.items():
         x = write(image, name, (swatch(image, (x, y), fill=fill), y), colour=MUTED) + 14
+    return first
 
 
 def _over_card(colour: RGB) -> Image:

@@ -19,13 +19,14 @@ from evimo.viewing.maps import event_levels
 from evimo.viewing.moment import Moment, true
 from evimo.viewing.painter import Painter
 from evimo.viewing.pixel_flow import PixelFlow
-from evimo.viewing.strokes import write
+from evimo.viewing.strokes import text_width, write
 
 WITH_INTENSITY: tuple[str, ...] = ("intensity", "events", "objects", "depth", "flow", "velocity")
 WITHOUT_INTENSITY: tuple[str, ...] = ("events", "objects", "depth", "flow")
 """Here the arrows of velocity are drawn into `objects`."""
 
 ARROWS = "id: speed, m/s"
+SPACE = 12
 
 FASTEST = 98
 """Percentile of the flow's speed from which on colours are pure."""
@@ -155,7 +156,7 @@ def paint_truth(
 
 
 def truth_titles(image: Image, headers: Mapping[str, Box], *, bounds: tuple[float, float]) -> None:
-    """Write the title bars of the panels of these names, in place."""
+    """Write the title bars of the panels of these names, in place; narrow ones leave out what labels mean."""
     titles = {
         "intensity": "Intensity",
         "events": "Events",
@@ -166,11 +167,11 @@ def truth_titles(image: Image, headers: Mapping[str, Box], *, bounds: tuple[floa
     }
     ends = {name: legends.title(image, header, titles[name]) for name, header in headers.items()}
     legends.polarities(image, headers["events"])
-    legends.static(image, headers["objects"])
+    legend_start = legends.static(image, headers["objects"])
     legends.depths(image, headers["depth"], bounds=bounds, unit="m")
     if "intensity" in headers:
         legends.hint(image, headers["intensity"], "rendered again")
     if "velocity" in headers:
         legends.hint(image, headers["velocity"], ARROWS)
-    else:
-        write(image, ARROWS, (ends["objects"] + 12, headers["objects"].y + 16), colour=MUTED)
+    elif ends["objects"] + text_width(ARROWS) + 2 * SPACE <= legend_start:
+        write(image, ARROWS, (ends["objects"] + SPACE, headers["objects"].y + 16), colour=MUTED)
