@@ -63,7 +63,7 @@ def save_aedat4(packets: Iterable[Events], path: Path, size: tuple[int, int]) ->
 def save_raw(packets: Iterable[Events], path: Path, size: tuple[int, int]) -> None:
     """Write Prophesee RAW in EVT 2.0: a word of 32 bits per event, and one more where the upper bits of time change."""
     place = f"height={size[0]};width={size[1]}"
-    lines = ("evt 2.0", f"format EVT2;{place}", f"geometry {size[1]}x{size[0]}", "integrator_name evimo", "end")
+    lines = ("evt 2.0", f"format EVT2;{place}", f"geometry {size[1]}x{size[0]}", "end")
     with path.open("wb") as file:
         file.write("".join(f"% {line}\n" for line in lines).encode())
         high = -1
