@@ -21,6 +21,7 @@ COMMANDS = {
     "simulate": "Make recordings with exact truth.",
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",
+    "realism": "Compare simulated events with real ones.",
 }
 WRONG_INPUT, INTERRUPTED = 2, 130
 
