@@ -7,6 +7,7 @@ import pytest
 from evimo.errors import BadFile, BadInput, NotFound
 from evimo.events.events import joined
 from evimo.events.io import open_events
+from evimo.recordings.imu import Imu
 from evimo.recordings.recording import open_recording
 from evimo.recordings.writer import RecordingWriter
 
@@ -63,6 +64,30 @@ def test_clutter_bodies_are_numbered(tmp_path, camera, pieces):
     recording = open_recording(tmp_path / "film")
     np.testing.assert_array_equal(recording.clutter_bodies(0), bodies)
     np.testing.assert_array_equal(recording.truth(0).clutter, bodies > 0)
+
+
+@pytest.fixture
+def imu():
+    rng = np.random.default_rng(5)
+    return Imu(np.arange(75) * 1000, *rng.normal(size=(4, 75, 3)).astype(np.float32))
+
+
+def test_what_the_imu_says_is_read_back_without_a_pickle(tmp_path, folder, camera, pieces, imu):
+    with RecordingWriter(tmp_path / "moved", camera, imu=imu) as writer:
+        writer.write(*pieces[0])
+    read = open_recording(tmp_path / "moved").imu
+    assert len(read) == 75
+    assert read.t_us.dtype == np.int64
+    for name, values in imu.arrays().items():
+        np.testing.assert_array_equal(getattr(read, name), values)
+    assert open_recording(folder).imu is None
+
+
+def test_imu_arrays_that_do_not_fit_are_refused(folder, imu):
+    for wrong in ({"gyro": imu.gyro[:-1]}, {"accel": imu.accel[:, :2]}, {"t_us": np.array([imu], dtype=object)}):
+        np.savez(folder / "dataset_imu.npz", **imu.arrays() | wrong)
+        with pytest.raises(BadFile, match="dataset_imu"):
+            _ = open_recording(folder).imu
 
 
 def test_nothing_is_pickled_and_the_layout_is_evimo2s(folder):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
+from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseSource, PoseTrack
 from evimo.recordings.pose_words import frame_words, in_v1_axes, trajectory_words
 from evimo.recordings.stored import (
@@ -46,9 +47,18 @@ class Evimo1Writer:
         path: to make, .npz; must not exist yet.
         camera: of the sensor: a pinhole, or radtan with k1 k2 p1 p2, which is all the layout can hold.
         poses: where the camera and the objects are. facts: plain numbers and words, how it was made.
+        imu: what an inertial measurement unit says, if there is one.
     """
 
-    def __init__(self, path: Path, camera: Camera, *, poses: PoseSource, facts: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        camera: Camera,
+        *,
+        poses: PoseSource,
+        facts: dict[str, Any] | None = None,
+        imu: Imu | None = None,
+    ) -> None:
         if path.exists():
             raise BadInput(f"{path} exists", fix="another name, or remove it")
         if camera.lens != "radtan" or any(camera.distortion[4:]):
@@ -57,6 +67,7 @@ class Evimo1Writer:
                 fix="radtan with k1 k2 p1 p2, or the layout evimo2",
             )
         self.path, self.camera, self.poses, self.facts = path, camera, poses, facts or {}
+        self.imu = imu
         self.workplace = path.with_name(f".{path.name}.unfinished")
         self.truths: list[Truth] = []
         self.index = TimeIndex()
@@ -97,6 +108,7 @@ class Evimo1Writer:
         motions = exact_motions(self.truths)
         frames, trajectory = tracks(self.poses, motions["times_us"])
         exact = motions | exact_poses(frames, trajectory)
+        exact |= {f"imu_{name}": values for name, values in self.imu.arrays().items()} if self.imu else {}
         with zipfile.ZipFile(target, "w") as archive:
             self._move_in(archive, "events", (self.index.events, 4))
             save_arrays(archive, self._small_arrays())

@@ -14,6 +14,7 @@ from evimo.errors import BadFile, NotFound
 from evimo.events.io.event_file import EventFile
 from evimo.events.io.evimo2 import open_evimo2
 from evimo.geometry.camera import Camera
+from evimo.recordings.imu import IMU_ARRAYS, Imu
 from evimo.recordings.truth import ObjectTruth, Truth
 
 DAMAGED = "simulate it again, or copy the whole folder again"
@@ -41,6 +42,22 @@ class Recording:
     def events(self) -> EventFile:
         """The events, memory-mapped: packets in constant memory."""
         return open_evimo2(self.path)
+
+    @cached_property
+    def imu(self) -> Imu | None:
+        """Gyroscope and accelerometer; None where the recording has none.
+
+        Raises:
+            BadFile: they are damaged.
+        """
+        path = self.path / "dataset_imu.npz"
+        if not path.exists():
+            return None
+        arrays = _arrays(path, IMU_ARRAYS)
+        rows = arrays["t_us"].size
+        if any(values.shape != ((rows,) if name == "t_us" else (rows, 3)) for name, values in arrays.items()):
+            raise BadFile(f"dataset_imu.npz of {self.path} has arrays that do not fit together", fix=DAMAGED)
+        return Imu(**arrays)
 
     def truth(self, k: int) -> Truth:
         """Everything about the instant times_us[k].

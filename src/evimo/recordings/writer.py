@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
+from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseSource
 from evimo.recordings.pose_words import frame_words
 from evimo.recordings.stored import exact_motions, exact_poses, save_arrays, stored_maps, tracks, without_maps
@@ -32,16 +33,22 @@ class RecordingWriter:
     Args:
         folder: to make; must not exist yet.
         camera: of the sensor. facts: plain numbers and words for the JSON, how it was made.
-        poses: where the camera and the objects are; without, none are written.
+        poses: where the camera and the objects are; without, none are written. imu: likewise.
     """
 
     def __init__(
-        self, folder: Path, camera: Camera, *, facts: dict[str, Any] | None = None, poses: PoseSource | None = None
+        self,
+        folder: Path,
+        camera: Camera,
+        *,
+        facts: dict[str, Any] | None = None,
+        poses: PoseSource | None = None,
+        imu: Imu | None = None,
     ) -> None:
         if folder.exists():
             raise BadInput(f"{folder} exists", fix="another name, or remove it")
         self.folder, self.camera, self.facts = folder, camera, facts or {}
-        self.poses = poses
+        self.poses, self.imu = poses, imu
         self.unfinished = folder.with_name(f".{folder.name}.unfinished")
         self.truths: list[Truth] = []
         self.events = 0
@@ -93,8 +100,10 @@ class RecordingWriter:
             at_frames, trajectory = tracks(self.poses, sim["times_us"])
             sim |= exact_poses(at_frames, trajectory)
             frames = frame_words(at_frames.in_world_of(trajectory.world_from_cam[0]))
-        with zipfile.ZipFile(self._file("sim.npz"), "w") as archive:
-            save_arrays(archive, sim)
+        for name, arrays in (("sim", sim), ("imu", self.imu.arrays() if self.imu else {})):
+            if arrays:
+                with zipfile.ZipFile(self._file(f"{name}.npz"), "w") as archive:
+                    save_arrays(archive, arrays)
         self._file("info.json").write_text(json.dumps(self._information(frames), indent=1))
 
     def _information(self, frames: list[dict[str, Any]]) -> dict[str, Any]:

@@ -35,6 +35,7 @@ class DatasetPlan:
     seconds: of each recording. camera: `random` or `evimo`. sensor: one of `sensor.SENSORS`.
     size: (height, width) in px, if not the sensor's own. layout: `evimo2`, a folder, or `evimo1`, an .npz.
     events: `aedat4` or `raw` for one more file of the events alone, beside each recording.
+    part, room: as in `simulate_recording`.
     """
 
     set_number: int
@@ -46,6 +47,8 @@ class DatasetPlan:
     size: tuple[int, int] | None = None
     layout: str = "evimo2"
     events: str | None = None
+    part: str | None = None
+    room: str | None = None
 
     def __post_init__(self) -> None:
         height, width = self.pixels
@@ -131,6 +134,8 @@ def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:
             camera=plan.camera,
             sensor=plan.sensor,
             size=plan.size,
+            part=plan.part,
+            room=plan.room,
         )
         with _writer(plan, recording, path) as writer:
             for piece in recording:
@@ -156,7 +161,7 @@ def _recorded(path: Path) -> Iterable[Events]:
 def _writer(plan: DatasetPlan, recording: SimulatedRecording, path: Path) -> RecordingWriter | Evimo1Writer:
     facts = {"version": _version(), "camera_kind": plan.camera, **recording.facts()}
     writer = Evimo1Writer if plan.layout == "evimo1" else RecordingWriter
-    return writer(path, recording.camera, facts=facts, poses=recording.poses)
+    return writer(path, recording.camera, facts=facts, poses=recording.poses, imu=recording.imu())
 
 
 def _version() -> str:

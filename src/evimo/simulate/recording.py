@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput
 from evimo.events.events import Events, joined
 from evimo.geometry.camera import Camera
+from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.truth import Truth
 from evimo.scene.bodies import Scene
-from evimo.scene.draw import SETS, draw_scene
+from evimo.scene.draw import SETS, SetStyle, draw_scene
+from evimo.scene.pools import POOLS
 from evimo.scene.renderer import Renderer
 from evimo.scene.textures import texture_bank
 from evimo.simulate.cameras import draw_camera
+from evimo.simulate.imu import ImuSettings, measured
 from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.poses import scene_poses
 from evimo.simulate.sensor import SensorSettings, draw_sensor, known_sensor
@@ -31,9 +34,12 @@ STEP_PX = 0.75  # the fastest one pixel in a hundred moves this far between fram
 SHORTEST_S, LONGEST_S = 0.0004, 0.005  # between frames
 RECORDINGS_PER_BANK = 64  # of textures: building one takes seconds
 ATTEMPTS = 40
+GLANCES = 5  # at a scene before it is filmed, at least
 DARK = 0.08  # share of dark recordings outside the dark set
 LEAST_VISIBLE = 0.003  # share of pixels that movers must cover at some time, where there are movers
 LAST_US = 1 << 62
+EVENT_STREAM, IMU_STREAM = 0xE7E, 0x1A6  # of random numbers: what is added to one leaves the other as it was
+IMU = ImuSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +56,7 @@ class SimulatedRecording:
     """A scene, a camera and a sensor, ready to be filmed; iterating yields its slices.
 
     seed, set_number: it is made from these alone (and seconds, camera and sensor). settings: of the sensor.
-    sensor: its kind.
+    sensor: its kind. part, room: what its scene was held to, if it was.
     """
 
     seed: int
@@ -61,6 +67,8 @@ class SimulatedRecording:
     settings: SensorSettings
     attempts: int
     sensor: str = "davis346"
+    part: str | None = None
+    room: str | None = None
 
     @property
     def slices(self) -> int:
@@ -69,7 +77,7 @@ class SimulatedRecording:
 
     def __iter__(self) -> Iterator[SimulatedSlice]:
         """Film it: constant memory, whatever the length."""
-        rng = np.random.default_rng((self.seed, self.set_number, 0xE7E))
+        rng = np.random.default_rng((self.seed, self.set_number, EVENT_STREAM))
         film = _Film(Renderer(self.scene, self.camera), self.settings, rng)
         waiting, held = film.run(-WARM_UP_S, 0.0).events, None
         for index in range(self.slices):
@@ -88,17 +96,25 @@ class SimulatedRecording:
         """Where the camera and the movers are at times (M,)."""
         return scene_poses(self.scene, times_us)
 
+    def imu(self, settings: ImuSettings = IMU) -> Imu:
+        """What a gyroscope and an accelerometer at the camera say from time zero to the end of the last slice."""
+        rng = np.random.default_rng((self.seed, self.set_number, IMU_STREAM))
+        return measured(self.scene.camera, self.slices * SLICE_S, settings, rng)
+
     def facts(self) -> dict[str, object]:
         """What made it, for the recording's JSON."""
+        held = {"part": self.part, "room": self.room} if self.part or self.room else {}
         return {
             "set": self.set_number,
             "seed": self.seed,
             "seconds": self.seconds,
             "sensor_kind": self.sensor,
             "sensor": asdict(self.settings),
+            "imu": asdict(IMU),
             "movers": len(self.scene.movers),
             "clutter_bodies": sum(body.clutter for body in self.scene.bodies),
             "attempts": self.attempts,
+            **held,
         }
 
 
@@ -110,6 +126,8 @@ def simulate_recording(
     camera: str = "random",
     sensor: str = "davis346",
     size: tuple[int, int] | None = None,
+    part: str | None = None,
+    room: str | None = None,
 ) -> SimulatedRecording:
     """Draw a recording of one of the paper's sets.
 
@@ -117,32 +135,47 @@ def simulate_recording(
         seed: the same seed gives the same recording. set_number: 1 to 6.
         seconds: a multiple of 0.025. camera: `random` or `evimo`. sensor: one of `sensor.SENSORS`.
         size: height and width in px, if not the sensor's own.
+        part: `train` or `test` draws textures and shapes that the other, and a recording without, never have.
+        room: one of the set's.
 
     Raises:
-        BadInput: no such set, camera or sensor, or less than one slice.
+        BadInput: no such set, camera, sensor, part or room, or less than one slice.
     """
     if set_number not in SETS:
         raise BadInput(f"no set {set_number}", fix="a set from 1 to 6")
     if round(seconds / SLICE_S) < 1:
         raise BadInput(f"a recording of {seconds} s", fix="at least 0.025 s")
     kind = known_sensor(sensor)
-    style = SETS[set_number]
-    bank = texture_bank(seed // RECORDINGS_PER_BANK)
+    style, pool = _style(set_number, part, room), POOLS[part] if part else None
+    bank = (pool.bank if pool else texture_bank)(seed // RECORDINGS_PER_BANK)
+    glances = max(GLANCES, math.ceil(seconds)) if pool else GLANCES
     attempt = 0
     while True:
         rng = np.random.default_rng((seed, set_number, attempt))
         lens = draw_camera(rng, camera, size or kind.size)
-        scene = draw_scene(rng, style, bank, seconds=seconds)
+        scene = draw_scene(rng, style, bank, seconds=seconds, pool=pool)
         attempt += 1
-        if _is_watchable(scene, lens, seconds) or attempt == ATTEMPTS:
+        if _is_watchable(scene, lens, seconds, glances) or attempt == ATTEMPTS:
             settings = draw_sensor(rng, dark=style.dark or rng.random() < DARK, sensor=sensor)
-            return SimulatedRecording(seed, set_number, seconds, lens, scene, settings, attempt, sensor)
+            return SimulatedRecording(
+                seed, set_number, seconds, lens, scene, settings, attempt, sensor=sensor, part=part, room=room
+            )
 
 
-def _is_watchable(scene: Scene, camera: Camera, seconds: float) -> bool:
+def _style(set_number: int, part: str | None, room: str | None) -> SetStyle:
+    """The style of a set, in one of its rooms if that is asked for."""
+    style = SETS[set_number]
+    if part is not None and part not in POOLS:
+        raise BadInput(f"no part {part!r}", fix=f"one of {', '.join(POOLS)}")
+    if room is not None and room not in style.rooms:
+        raise BadInput(f"no room {room!r} in set {set_number}", fix=f"one of {', '.join(style.rooms)}")
+    return style if room is None else replace(style, rooms=(room,))
+
+
+def _is_watchable(scene: Scene, camera: Camera, seconds: float, glances: int) -> bool:
     """Some mover is seen at some time, nothing covers the camera, and the camera stays in the room."""
     renderer = Renderer(scene, camera)
-    times = np.linspace(0.5 * SLICE_S, seconds - 0.5 * SLICE_S, 5)
+    times = np.linspace(0.5 * SLICE_S, seconds - 0.5 * SLICE_S, glances)
     depth, parts = renderer.glance(times)
     if np.median(depth, axis=1).min() < 0.3 or (parts < 0).any():
         return False
