@@ -10,6 +10,7 @@ from evimo.scene.bodies import Body, Part, Scene
 from evimo.scene.motion import Curve, Motion, Rest, Throw, looking_at, random_rotation, rotation_from_vector, wander
 from evimo.scene.objects import compound, size_of
 from evimo.scene.paint import Paint
+from evimo.scene.pools import Pool
 from evimo.scene.rooms import ELEVATION, Room, furnished, net_in_front
 from evimo.scene.textures import TextureBank
 
@@ -17,6 +18,7 @@ F8 = NDArray[np.float64]
 
 NO_MOVERS, STATIC_CAMERA, PAUSED_CAMERA, RESTING_MOVER, NETTED = 0.15, 0.06, 0.08, 0.2, 0.08
 FOREVER = 1e4
+LONGEST_THROW_S = 2.0  # of a scene from a pool: in a longer one what is thrown would be gone for most of it
 TILT = (0.08, 0.08, 0.1)  # rad, of the camera away from looking at its focus upright
 
 
@@ -53,8 +55,14 @@ SETS = {
 }
 
 
-def draw_scene(rng: np.random.Generator, style: SetStyle, bank: TextureBank, *, seconds: float) -> Scene:
-    """One scene; things stand where they are meant to be at a random time within 0...seconds."""
+def draw_scene(
+    rng: np.random.Generator, style: SetStyle, bank: TextureBank, *, seconds: float, pool: Pool | None = None
+) -> Scene:
+    """One scene; things stand where they are meant to be at a random time within 0...seconds.
+
+    With a pool, movers and clutter are of its families of shapes, there are as many movers as the set says, never
+    none, and in a long scene nothing is thrown.
+    """
     kind = str(rng.choice(style.rooms))
     plain = float(np.clip(style.plain + rng.normal() * 0.25, 0, 1))
     paint = Paint(bank, plain, (0.5, float(rng.uniform(1.2, 3.2))), (0.15, 1.2))
@@ -63,7 +71,7 @@ def draw_scene(rng: np.random.Generator, style: SetStyle, bank: TextureBank, *, 
     position, axes, distance = _viewpoint(rng, kind, room)
     if rng.random() < NETTED:
         net_in_front(room, position, axes)
-    bodies = _bodies(rng, bank, (room, position, axes, distance), (style, pace, seconds))
+    bodies = _bodies(rng, bank, (room, position, axes, distance), (style, pace, seconds), pool=pool)
     light = rng.normal(size=3) + (0, 0, 1.5)
     camera = _camera_motion(rng, (position, axes), pace, seconds)
     return Scene(bodies, camera, light / np.linalg.norm(light), float(rng.uniform(0.3, 0.8)), bank)
@@ -110,20 +118,24 @@ def _bodies(
     bank: TextureBank,
     view: tuple[Room, F8, F8, float],
     dynamics: tuple[SetStyle, Pace, float],
+    *,
+    pool: Pool | None,
 ) -> tuple[Body, ...]:
     """The room, movers, and clutter of the same family of shapes, textures and places as the movers."""
     style, pace, seconds = dynamics
     family = Paint(bank, float(rng.choice([0.05, 0.25, 0.7])), (0.5, float(rng.uniform(1.2, 3.2))), (0.06, 0.35))
-    count = 0 if rng.random() < NO_MOVERS else int(rng.choice(style.movers))
+    count = 0 if rng.random() < NO_MOVERS and not pool else int(rng.choice(style.movers))
     shy = rng.random() < 0.2  # slow plain movers: the background then fires most events
     own = Paint(bank, 0.85, (0.2, 0.8), (0.1, 0.5)) if shy else family
     slow = Pace(pace.camera, pace.turning, pace.mover * 0.35) if shy else pace
     bodies = [view[0].body()]
+    throws = not pool or seconds < LONGEST_THROW_S
     for _ in range(count):
-        parts = compound(rng, own)
-        bodies.append(Body(parts, _mover_motion(rng, _place(rng, parts, view), slow, seconds)))
+        parts = compound(rng, own, pool)
+        motion = _mover_motion(rng, _place(rng, parts, view), slow, seconds, throws=throws)
+        bodies.append(Body(parts, motion))
     for _ in range(int(rng.integers(2, 7)) if rng.random() < 0.8 else int(rng.integers(0, 2))):
-        parts = compound(rng, family)
+        parts = compound(rng, family, pool)
         still = Motion(_place(rng, parts, view), random_rotation(rng) if rng.random() < 0.7 else np.eye(3))
         bodies.append(Body(_standing(parts, still), clutter=True))
     return tuple(bodies)
@@ -147,10 +159,10 @@ def _standing(parts: tuple[Part, ...], pose: Motion) -> tuple[Part, ...]:
     )
 
 
-def _mover_motion(rng: np.random.Generator, at: F8, pace: Pace, seconds: float) -> Motion:
+def _mover_motion(rng: np.random.Generator, at: F8, pace: Pace, seconds: float, *, throws: bool) -> Motion:
     """It wanders or is thrown, turns, and may rest for a while; slower or faster than what is behind it."""
     zero_s, speed = float(rng.uniform(0, seconds)), pace.mover * math.exp(rng.normal() * 0.5)
-    if rng.random() < 0.12:
+    if rng.random() < 0.12 and throws:
         moves: Curve = Throw(rng.normal(size=3) * speed + (0, 0, 0.5), zero_s)
     else:
         moves = wander(rng, speed, (0.3, 3.0), zero_s=zero_s)

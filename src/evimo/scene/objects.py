@@ -8,14 +8,22 @@ from numpy.typing import NDArray
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, Part
 from evimo.scene.motion import random_rotation
 from evimo.scene.paint import Paint
+from evimo.scene.pools import Pool
 
 F8 = NDArray[np.float64]
 SMALLEST, LARGEST = 0.1, 0.3  # overall length, m: the scans of EV-IMO's objects reach 0.12 to 0.26
 OVERLAP = 0.85  # of the distance at which two parts just touch
 
 
-def compound(rng: np.random.Generator, paint: Paint) -> tuple[Part, ...]:
-    """One to five parts that touch, about the origin."""
+def compound(rng: np.random.Generator, paint: Paint, pool: Pool | None = None) -> tuple[Part, ...]:
+    """One to five parts that touch, about the origin; of a family that the pool holds, if there is one."""
+    while True:
+        parts = _compound(rng, paint)
+        if pool is None or pool.holds(part.shape for part in parts):
+            return parts
+
+
+def _compound(rng: np.random.Generator, paint: Paint) -> tuple[Part, ...]:
     shapes: list[tuple[int, F8, F8, F8]] = []
     for _ in range(int(rng.integers(1, 6))):
         shape = int(rng.choice([BOX, ELLIPSOID, CYLINDER], p=[0.4, 0.35, 0.25]))

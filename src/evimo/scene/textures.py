@@ -11,6 +11,7 @@ F8 = NDArray[np.float64]
 SIZE = 256
 PLAIN = ("plain", "gradient")
 DENSE = ("fractal", "carpet", "voronoi", "shapes", "text", "checker", "stripes", "collage", "labelled", "speckle")
+ONLY_IN = {"checker": 1, "stripes": 2}  # pools; with so few different patterns, two would draw the same
 
 
 class TextureBank(NamedTuple):
@@ -32,10 +33,11 @@ def texture(rng: np.random.Generator, kind: str) -> F8:
 
 
 @lru_cache(maxsize=2)
-def texture_bank(seed: int, *, plain: int = 14, dense: int = 86) -> TextureBank:
-    """The bank of one seed; kinds take turns, so that every bank has every kind."""
-    rng = np.random.default_rng((seed, 0xBA4C))
-    kinds = [PLAIN[i % len(PLAIN)] for i in range(plain)] + [DENSE[i % len(DENSE)] for i in range(dense)]
+def texture_bank(seed: int, *, plain: int = 14, dense: int = 86, pool: int = 0) -> TextureBank:
+    """The bank of one seed and pool; kinds take turns, so that every bank has every kind its pool may have."""
+    rng = np.random.default_rng((seed, 0xBA4C, pool) if pool else (seed, 0xBA4C))
+    patterned = [kind for kind in DENSE if not pool or ONLY_IN.get(kind, pool) == pool]
+    kinds = [PLAIN[i % len(PLAIN)] for i in range(plain)] + [patterned[i % len(patterned)] for i in range(dense)]
     patterns = np.stack([_stretched(rng, texture(rng, kind)) for kind in kinds]).astype(np.float32)
     levels = [patterns]
     while levels[-1].shape[1] > 1:

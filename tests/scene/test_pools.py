@@ -1,0 +1,74 @@
+"""What is drawn for one part of a data set is never drawn for another: seen in the scenes themselves."""
+
+import numpy as np
+import pytest
+
+from evimo.scene.draw import SETS, draw_scene
+from evimo.scene.pools import POOLS, family
+from evimo.scene.textures import SIZE, texture_bank
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    banks = {part: texture_bank(0, plain=4, dense=36, pool=pool.number) for part, pool in POOLS.items()}
+    return {
+        part: [
+            draw_scene(np.random.default_rng((number, seed)), SETS[number], banks[part], seconds=1, pool=pool)
+            for number in SETS
+            for seed in range(30)
+        ]
+        for part, pool in POOLS.items()
+    }
+
+
+def patterns(drawn):
+    """The finest level of every texture on something, as bytes."""
+    found = set()
+    for scene in drawn:
+        levels = scene.bank.texels.reshape(-1)[: 40 * SIZE * SIZE].reshape(40, SIZE, SIZE)
+        found |= {levels[part.surface.texture].tobytes() for body in scene.bodies for part in body.parts}
+    return found
+
+
+def families(drawn):
+    """Of movers and of clutter, which are the objects; the room is the first body."""
+    return {family(part.shape for part in body.parts) for scene in drawn for body in scene.bodies[1:]}
+
+
+def test_parts_share_no_texture(scenes):
+    train, test = (patterns(scenes[part]) for part in ("train", "test"))
+    assert len(train) == len(test) == 40
+    assert not train & test
+
+
+def test_parts_share_no_family_of_shapes(scenes):
+    train, test = (families(scenes[part]) for part in ("train", "test"))
+    assert len(train) > 15
+    assert len(test) > 15
+    assert not train & test
+
+
+def test_both_parts_have_small_and_large_compounds(scenes):
+    for drawn in scenes.values():
+        assert {sum(found) for found in families(drawn)} == {1, 2, 3, 4, 5}
+
+
+def test_a_pool_shares_no_texture_with_what_is_drawn_without_one():
+    banks = [texture_bank(3, plain=2, dense=2, pool=number).texels[: 4 * SIZE * SIZE] for number in (0, 1, 2)]
+    seen = [{pattern.tobytes() for pattern in bank.reshape(4, SIZE, SIZE)} for bank in banks]
+    assert len(set.union(*seen)) == 12
+
+
+def test_scenes_from_a_pool_always_have_the_movers_of_their_set(scenes):
+    for drawn in scenes.values():
+        counts = {number: {len(s.movers) for s in drawn[30 * k : 30 * (k + 1)]} for k, number in enumerate(SETS)}
+        assert counts == {number: set(style.movers) for number, style in SETS.items()}
+
+
+def test_nothing_is_thrown_in_a_long_scene(bank):
+    """A mover stays within reach of where it was placed, however long the scene is."""
+    for seed in range(20):
+        scene = draw_scene(np.random.default_rng(seed), SETS[3], bank, seconds=60, pool=POOLS["test"])
+        for body in scene.movers:
+            track = body.motion.at(np.linspace(0, 60, 100)).position
+            assert np.abs(track - body.motion.position).max() < 5
