@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from evimo.errors import BadInput, EvimoWarning
+from evimo.errors import BadInput
 from evimo.events.events import Events, joined, no_events
 from evimo.events.io import open_events
 from evimo.geometry.camera import Camera
 from evimo.recordings.evimo1_writer import STEP_US, Evimo1Writer, TimeIndex
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.truth import Truth
-
-pytestmark = pytest.mark.filterwarnings("ignore:.*distortion `D` is ignored:evimo.errors.EvimoWarning")
 
 
 def poses(times_us):
@@ -214,6 +212,10 @@ def test_a_pinhole_without_events_is_written(tmp_path, pieces):
         assert archive["D"].tolist() == [0, 0, 0, 0]
 
 
-def test_our_reader_says_that_it_ignores_the_lens(film):
-    with pytest.warns(EvimoWarning, match="ignored"):
-        open_events(film)
+def test_our_reader_takes_the_whole_lens_and_says_nothing(film, camera, recwarn):
+    hint = open_events(film).camera_hint
+    assert not recwarn.list
+    found = Camera(
+        **{name: getattr(hint, name) for name in ("fx", "fy", "cx", "cy", "height", "width", "distortion", "lens")}
+    )
+    assert found == camera

@@ -52,7 +52,7 @@ def test_events_alone_are_added_to_recordings_that_are_there(layout, tmp_path):
     assert list(simulate_dataset(replace(plan, events="aedat4"), tmp_path)) == [recording]
     assert alone.stat().st_mtime_ns == once
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EvimoWarning)
+        warnings.simplefilter("error", EvimoWarning)
         one, two = joined(list(open_events(recording))), joined(list(open_events(alone)))
     for name in ("x", "y", "t", "p"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))

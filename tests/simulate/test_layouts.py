@@ -13,8 +13,6 @@ from evimo.events.io import open_events
 from evimo.recordings.recording import open_recording
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*distortion `D` is ignored:evimo.errors.EvimoWarning")
-
 
 def made(out, layout):
     plan = DatasetPlan(

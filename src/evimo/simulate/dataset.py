@@ -1,7 +1,6 @@
 """Many recordings, each from its own seed: resumable, in one process or several."""
 
 import signal
-import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from evimo.errors import BadInput, EvimoWarning
+from evimo.errors import BadInput
 from evimo.events.events import Events
 from evimo.events.io import open_events
 from evimo.events.io.npz_members import Archive, array_header
@@ -153,9 +152,7 @@ def _recorded(path: Path) -> Iterable[Events]:
             rows = array_header(file, str(path)).shape[0]
     else:
         rows = Archive(path).header("events").shape[0]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EvimoWarning)  # of a distortion that might be wrong: it is ours
-        return open_events(path) if rows else ()
+    return open_events(path) if rows else ()
 
 
 def _writer(plan: DatasetPlan, recording: SimulatedRecording, path: Path) -> RecordingWriter | Evimo1Writer:

@@ -1,5 +1,6 @@
 """EV-IMO npz: written by NumPy in the shapes and types seen in the wild, and in some that attack."""
 
+import json
 import os
 from pathlib import Path
 
@@ -91,6 +92,30 @@ def test_distortion_is_ignored_with_a_warning_unless_it_is_zero(tmp_path, events
     assert opened.camera_hint.distortion == ()
 
 
+FACTS = {"camera": {"fx": 50, "fy": 51, "cx": 31, "cy": 23, "distortion": [0.1, 0, 0, 0], "lens": "radtan"}}
+
+
+def test_the_lens_of_our_own_files_is_taken_from_their_facts(tmp_path, events, recwarn):
+    told = {"sim_facts": np.array(json.dumps(FACTS)), "meta": np.array("{}")}
+    wrong = {"K": 2 * MATRIX, "D": np.array([0.7, 0, 0, 0])}
+    opened = open_events(save(tmp_path / "a.npz", table(events, "f8"), **sized(**told, **wrong)))
+    assert not recwarn.list
+    hint = opened.camera_hint
+    assert (hint.fx, hint.fy, hint.cx, hint.cy, hint.height, hint.width) == (50, 51, 31, 23, 48, 64)
+    assert (hint.distortion, hint.lens) == ((0.1, 0, 0, 0), "radtan")
+    assert "sim_facts" in hint.source
+    assert opened.contents["meta"] == "poses, as text"
+
+
+@pytest.mark.parametrize(
+    "facts", ["", "[]", "{}", '{"camera": {"fx": 1}}', json.dumps(FACTS).replace("50", '"wide"'), 7]
+)
+def test_facts_that_are_none_are_refused(tmp_path, events, facts):
+    path = save(tmp_path / "a.npz", table(events, "f8"), **sized(sim_facts=np.array(facts)))
+    with pytest.raises(BadFile, match="simulate it again"):
+        open_events(path)
+
+
 class Attack:
     """A pickle of this writes a file when it is read."""
 
@@ -119,7 +144,7 @@ def test_pickled_events_are_refused_and_their_code_does_not_run(tmp_path, trap):
         open_events(path)
 
 
-@pytest.mark.parametrize("name", ["K", "D", "depth"])
+@pytest.mark.parametrize("name", ["K", "D", "depth", "sim_facts"])
 def test_pickled_companions_are_refused_and_their_code_does_not_run(tmp_path, trap, events, name):
     path = save(tmp_path / "a.npz", table(events, "f8"), **{name: np.array([trap], dtype=object)})
     with pytest.raises(BadFile, match=r"pickle.*refused"):

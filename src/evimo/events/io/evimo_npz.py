@@ -1,5 +1,6 @@
 """EV-IMO (and better-flow) .npz recordings: one array `events` of rows t x y p, beside depth, mask, K and D."""
 
+import json
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,16 +17,18 @@ from evimo.events.io.sensors import assumed_sensor
 from evimo.events.io.survey import surveyed
 
 BLOCK_ROWS = 1 << 16
+FACTS = "sim_facts"  # only in our own files
 
 
 def open_evimo_npz(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
     """Open a recording; `t` is in seconds where the array is of floats, in µs where it is of integers.
 
     Nothing is unpickled: `meta` stays closed. The size is that of `depth` or `mask`, K that of `K`. `D` is ignored
-    with a warning where it is not zero, as those of the released files are known to be wrong.
+    with a warning where it is not zero, as those of the released files are known to be wrong. Files that `evimo
+    simulate` has made tell their whole lens in `sim_facts`, JSON.
 
     Raises:
-        BadFile: no numeric `events` of four columns, not a number in it, or nothing readable.
+        BadFile: no numeric `events` of four columns, not a number in it, or nothing readable; a damaged `sim_facts`.
     """
     archive = Archive(path)
     header = _events_header(archive)
@@ -124,6 +127,8 @@ def _map_size(archive: Archive) -> tuple[int, int] | None:
 
 
 def _camera(archive: Archive, size: tuple[int, int]) -> CameraHint | None:
+    if FACTS in archive.names:
+        return _own_camera(archive, size)
     hint = None
     if "K" in archive.names:
         hint = hint_from_matrix(archive.small("K"), size, f"K in {archive.path.name}")
@@ -133,11 +138,38 @@ def _camera(archive: Archive, size: tuple[int, int]) -> CameraHint | None:
     return hint
 
 
+def _own_camera(archive: Archive, size: tuple[int, int]) -> CameraHint:
+    """The lens of a simulated recording, from the text that says how it was made."""
+    try:
+        lens = json.loads(str(archive.small(FACTS).item()))["camera"]
+        return CameraHint(
+            **{name: float(lens[name]) for name in ("fx", "fy", "cx", "cy")},
+            height=size[0],
+            width=size[1],
+            distortion=tuple(float(value) for value in lens["distortion"]),
+            lens=str(lens["lens"]),
+            source=f"{FACTS} in {archive.path.name}",
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadFile(
+            f"`{FACTS}` in {archive.path.name} is not the JSON of a simulated recording", fix="simulate it again"
+        ) from error
+
+
 def _contents(archive: Archive) -> dict[str, str]:
     contents: dict[str, str] = {}
     for name, words in (("depth", "depth maps"), ("mask", "masks"), ("classical", "frames")):
         if name in archive.names:
             contents[words] = str(archive.header(name).shape[0])
     if "meta" in archive.names:
-        contents["meta"] = "poses, pickled: not opened"
+        contents["meta"] = "poses, as text" if _is_text(archive, "meta") else "poses, pickled: not opened"
+    if FACTS in archive.names:
+        contents["truth"] = "exact motion of a simulation"
     return contents
+
+
+def _is_text(archive: Archive, name: str) -> bool:
+    try:
+        return archive.header(name).dtype.kind == "U"
+    except BadFile:
+        return False
