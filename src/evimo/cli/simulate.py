@@ -1,19 +1,23 @@
 """`evimo simulate`: recordings with exact truth from seeds."""
 
 import re
+import time
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from evimo.errors import BadInput
 
+if TYPE_CHECKING:
+    from evimo.simulate.replica import ReplicaPlan
+
 
 def simulate(
     *,
     set: str = "all",
-    minutes: float,
+    minutes: float | None = None,
     seed: int = 0,
     out: Path,
     sensor: Literal["davis346", "davis240", "dvxplorer", "gen4", "samsung"] = "davis346",
@@ -23,15 +27,19 @@ def simulate(
     layout: Literal["evimo2", "evimo1"] = "evimo2",
     events: Literal["aedat4", "raw"] | None = None,
     workers: int = 1,
+    replica: bool = False,
 ) -> None:
     """Simulate recordings of a moving event camera with exact depth, ids and motion.
 
     Each recording is a folder (or, as evimo1, a file) made from its own seed, complete as soon as it exists; the same
     command again makes only those that are missing.
 
+    With --replica, EV-IMO as a whole: 51 recordings of its camera over its six sets, by the paper's split in
+    out/train and out/test, listed in out/replica.json. Textures and shapes of objects are never the same in both.
+
     Args:
         set: one of the paper's six sets, 1 to 6, or all of them in turn.
-        minutes: of recording, together.
+        minutes: of recording, together; a replica has EV-IMO's 32 if nothing is said.
         seed: of the first recording; the others follow.
         out: folder for the recordings.
         sensor: size, thresholds and noise of this event camera.
@@ -41,7 +49,14 @@ def simulate(
         layout: of EVIMO2, a folder, which is what the other commands take, or of EV-IMO's first version, an .npz.
         events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
         workers: processes.
+        replica: of EV-IMO; takes minutes, seed, size and workers, but none of the other choices.
     """
+    if replica:
+        defaults = (set, sensor, seconds, camera, layout, events) == ("all", "davis346", 1.0, "random", "evimo2", None)
+        _replica(out, minutes=minutes, seed=seed, size=size, workers=workers, defaults=defaults)
+        return
+    if minutes is None:
+        raise BadInput("no length", fix="--minutes M, or --replica")
     from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 
     plan = DatasetPlan(
@@ -60,6 +75,40 @@ def simulate(
         task = progress.add_task("recordings", total=plan.recordings)
         for _ in simulate_dataset(plan, out, workers=workers):
             progress.advance(task)
+
+
+def _replica(out: Path, *, minutes: float | None, seed: int, size: str | None, workers: int, defaults: bool) -> None:
+    from evimo.simulate.replica import MINUTES, ReplicaPlan
+
+    if not defaults:
+        raise BadInput(
+            "a replica has its own sets, sensor, camera and lengths", fix="--minutes, --seed, --size, --workers"
+        )
+    pixels = None if size is None else _size(size)
+    plan = ReplicaPlan(minutes=MINUTES if minutes is None else minutes, seed=seed, size=pixels)
+    _write_replica(plan, out, workers)
+
+
+def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
+    """Show minutes of recording made, how fast, and the time left: by the bar, or a line each without a terminal."""
+    from evimo.simulate.replica import simulate_replica
+
+    sequences = plan.sequences
+    total_s = sum(sequence.seconds for sequence in sequences)
+    present = {sequence.path for sequence in sequences if (out / sequence.path).exists()}
+    begun, made_s, done_s = time.perf_counter(), 0.0, 0.0
+    with Progress(TextColumn("replica"), BarColumn(), TextColumn("{task.fields[said]}")) as progress:
+        task = progress.add_task("", total=total_s, said=f"{total_s / 60:.1f} min")
+        for sequence in simulate_replica(plan, out, workers=workers):
+            done_s += sequence.seconds
+            made_s += 0 if sequence.path in present else sequence.seconds
+            said = f"{done_s / 60:.1f} of {total_s / 60:.1f} min"
+            if made_s:
+                per_s = made_s / (time.perf_counter() - begun)
+                said += f", {per_s:.3f} s of recording per s, {(total_s - done_s) / per_s / 60:.0f} min left"
+            progress.update(task, advance=sequence.seconds, said=said)
+            if made_s and not progress.console.is_terminal:
+                progress.console.print(f"{sequence.path}: {said}", soft_wrap=True)
 
 
 class _Rate(ProgressColumn):
