@@ -1,0 +1,164 @@
+"""A replica of EV-IMO: its plan, its split, and a tiny one from the command line."""
+
+import json
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from evimo.cli import main
+from evimo.cli.simulate import simulate
+from evimo.errors import BadInput
+from evimo.recordings.recording import open_recording
+from evimo.scene.draw import SETS
+from evimo.scene.pools import family
+from evimo.scene.textures import SIZE
+from evimo.simulate.cameras import EVIMO
+from evimo.simulate.recording import simulate_recording
+from evimo.simulate.replica import INDEX, ReplicaPlan, simulate_replica
+
+TINY = ReplicaPlan(minutes=2 / 60, seed=5, size=(24, 32))
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """The scenes of a short replica, not filmed."""
+    return [
+        (
+            sequence,
+            simulate_recording(
+                sequence.seed,
+                set_number=sequence.set,
+                seconds=sequence.seconds,
+                camera="evimo",
+                size=(24, 32),
+                part=sequence.part,
+                room=sequence.room,
+            ).scene,
+        )
+        for sequence in TINY.sequences
+    ]
+
+
+def test_a_replica_is_as_large_as_the_paper_says():
+    sequences = ReplicaPlan().sequences
+    sets = Counter(sequence.set for sequence in sequences)
+    assert len(sequences) > 30
+    assert sum(sequence.seconds for sequence in sequences) == pytest.approx(32 * 60, abs=0.0125)
+    assert sets.keys() == SETS.keys()
+    assert min(sets.values()) == 3
+    assert max(sets.values()) <= 19
+    assert len({sequence.path for sequence in sequences}) == len({sequence.seed for sequence in sequences}) == 51
+
+
+@pytest.mark.parametrize("minutes", [2 / 60, 0.1, 1, 5.3])
+def test_minutes_scale_it(minutes):
+    sequences = ReplicaPlan(minutes=minutes).sequences
+    seconds = {sequence.seconds for sequence in sequences}
+    assert len(sequences) == 51
+    assert sum(sequence.seconds for sequence in sequences) == pytest.approx(minutes * 60, abs=0.0126)
+    assert max(seconds) - min(seconds) < 0.026
+
+
+def test_the_split_is_the_papers():
+    split = {part: {s.background for s in TINY.sequences if s.part == part} for part in ("train", "test")}
+    assert split["train"] == {"box", "floor"}
+    assert split["test"] == {"table", "wall", "fast", "box", "tabletop"}
+    assert {s.set for s in TINY.sequences if s.background == "fast"} == {6}
+    assert all(s.path.startswith(f"{s.part}/{s.background}/set{s.set}_") for s in TINY.sequences)
+
+
+def test_what_is_drawn_for_testing_is_never_drawn_for_training(drawn):
+    textures, families = {"train": set(), "test": set()}, {"train": set(), "test": set()}
+    for sequence, scene in drawn:
+        texels = scene.bank.texels
+        numbers = {part.surface.texture for body in scene.bodies for part in body.parts}
+        textures[sequence.part] |= {texels[n * SIZE**2 : (n + 1) * SIZE**2].tobytes() for n in numbers}
+        families[sequence.part] |= {family(part.shape for part in body.parts) for body in scene.bodies[1:]}
+    assert len(textures["train"]) > 50
+    assert len(textures["test"]) > 50
+    assert not textures["train"] & textures["test"]
+    assert len(families["train"]) > 10
+    assert len(families["test"]) > 10
+    assert not families["train"] & families["test"]
+
+
+def test_every_sequence_has_the_movers_of_its_set(drawn):
+    assert all(len(scene.movers) in SETS[sequence.set].movers for sequence, scene in drawn)
+
+
+def test_a_floor_is_seen_from_above_and_a_wall_is_not(drawn):
+    """The room asked for is the one drawn: both are of set 2."""
+    down = {"floor": [], "wall": []}
+    for sequence, scene in drawn:
+        if sequence.set == 2:
+            down[sequence.room].append(-scene.camera.rotation[2, 2])
+    assert min(down["floor"]) > max(down["wall"])
+
+
+@pytest.mark.slow
+def test_a_tiny_replica_is_made_and_not_twice(tmp_path, capsys):
+    command = ["simulate", "--replica", "--out", str(tmp_path), "--minutes", "0.034", "--size", "32x24", "--seed", "5"]
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert "s of recording per s" in said
+    assert "min left" in said
+    index = json.loads((tmp_path / INDEX).read_text())
+    sequences = index["sequences"]
+    assert len(sequences) == 51
+    for sequence in sequences:
+        recording = open_recording(tmp_path / sequence["path"])
+        assert recording.camera == EVIMO.resized(24, 32)
+        assert len(recording) == round(sequence["seconds"] / 0.025)
+        assert {name: recording.meta[name] for name in ("set", "seed", "part", "room", "seconds")} == {
+            name: sequence[name] for name in ("set", "seed", "part", "room", "seconds")
+        }
+    before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*") if file.is_file()}
+    assert main(command) == 0
+    assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*") if file.is_file()} == before
+    assert main([*command[:-1], "6"]) == 2
+    assert "another plan" in capsys.readouterr().err
+
+
+def test_it_resumes_where_it_stopped(tmp_path):
+    making = simulate_replica(TINY, tmp_path)
+    first = [next(making) for _ in range(2)]
+    making.close()
+    made = sorted(path.parent for path in tmp_path.rglob("dataset_info.json"))
+    assert made == sorted(tmp_path / sequence.path for sequence in first)
+    written = {path: path.stat().st_mtime_ns for path in made}
+    again = simulate_replica(TINY, tmp_path)
+    assert [next(again) for _ in range(3)] == TINY.sequences[:3]
+    again.close()
+    assert {path: path.stat().st_mtime_ns for path in made} == written
+    with pytest.raises(BadInput, match="another plan"):
+        next(simulate_replica(replace(TINY, size=(24, 33)), tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ({"minutes": 0.01}, "0.0212"),
+        ({"seed": -1}, "seed"),
+        ({"size": "4x4"}, "16x16"),
+        ({"size": "346"}, "WxH"),
+        ({"set": "3"}, "--minutes, --seed"),
+        ({"sensor": "gen4"}, "--minutes, --seed"),
+        ({"camera": "evimo"}, "--minutes, --seed"),
+    ],
+)
+def test_bad_requests_say_what_would_do(how, message, tmp_path):
+    with pytest.raises(BadInput, match=message):
+        simulate(out=tmp_path, replica=True, **how)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_minutes_only_a_replica_knows_its_length(tmp_path):
+    with pytest.raises(BadInput, match="--replica"):
+        simulate(out=tmp_path)
+
+
+@pytest.mark.parametrize(("how", "message"), [({"part": "eval"}, "train, test"), ({"room": "wall"}, "boxes")])
+def test_parts_and_rooms_that_do_not_exist_are_refused(how, message):
+    with pytest.raises(BadInput, match=message):
+        simulate_recording(0, **how)
