@@ -1,4 +1,5 @@
 import itertools
+import json
 import warnings
 from dataclasses import replace
 
@@ -7,7 +8,7 @@ import pytest
 
 from evimo.cli import main
 from evimo.cli.simulate import simulate
-from evimo.errors import BadInput, EvimoWarning
+from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import joined, no_events
 from evimo.events.io import open_events
 from evimo.recordings.recording import open_recording
@@ -29,6 +30,40 @@ def test_a_plan_is_carried_out_and_not_twice(tmp_path):
     assert recording.camera.size == (33, 44)
     assert len(recording) == 2
     assert recording.truth(1).depth.max() > 0.3
+
+
+@pytest.mark.parametrize("layout", ["evimo2", "evimo1"])
+def test_what_is_there_and_was_made_otherwise_is_refused(layout, tmp_path):
+    plan = replace(PLAN, minutes=0.05 / 60, layout=layout)
+    (recording,) = simulate_dataset(plan, tmp_path)
+    more = replace(plan, minutes=0.1 / 60)
+    for other, words in (
+        ({"size": (34, 44)}, "size 44x33 instead of size 44x34"),
+        ({"size": None}, "size 44x33 instead of size 346x260"),
+        ({"sensor": "samsung"}, "sensor davis346 instead of sensor samsung"),
+        ({"camera": "evimo"}, "camera random instead of camera evimo"),
+        ({"seconds": 0.025}, "seconds 0.05 instead of seconds 0.025"),
+        ({"events": "raw", "sensor": "samsung"}, "sensor davis346"),
+    ):
+        with pytest.raises(BadInput, match=f"(?s){recording}.*{words}.*another --out than {tmp_path}"):
+            next(simulate_dataset(replace(more, **other), tmp_path))
+    assert list(tmp_path.iterdir()) == [recording]
+    assert next(simulate_dataset(more, tmp_path)) == recording
+
+
+def test_recordings_of_before_there_were_sensors_are_of_a_davis346(tmp_path):
+    plan = replace(PLAN, minutes=0.05 / 60)
+    (recording,) = simulate_dataset(plan, tmp_path)
+    path = recording / "dataset_info.json"
+    stored = json.loads(path.read_text())
+    del stored["evimo"]["sensor_kind"]
+    path.write_text(json.dumps(stored))
+    assert list(simulate_dataset(plan, tmp_path)) == [recording]
+    with pytest.raises(BadInput, match="sensor davis346 instead of sensor gen4"):
+        next(simulate_dataset(replace(plan, sensor="gen4"), tmp_path))
+    path.unlink()
+    with pytest.raises(BadFile, match=r"lacks dataset_info\.json"):
+        next(simulate_dataset(plan, tmp_path))
 
 
 def test_stopping_leaves_complete_recordings_only(tmp_path):
@@ -119,6 +154,10 @@ def test_the_command_takes_layout_events_and_sensor(tmp_path, capsys):
     choices = ["--sensor", "samsung", "--size", "44x33", "--layout", "evimo1", "--events", "raw"]
     assert main([*command, *choices]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"set3_000000.npz", "set3_000000.raw"}
+    assert main([*command, *choices[2:]]) == 2  # the sensor is another one now
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith(f"error: {tmp_path / 'set3_000000.npz'} is there already")
+    assert said[1] == f"  try: another --out than {tmp_path}, or ask for sensor samsung again"
     for wrong in (["--sensor", "kodak"], ["--layout", "coco"], ["--events", "dat"]):
         assert main([*command, *wrong]) == 2
         assert "Traceback" not in "".join(capsys.readouterr())

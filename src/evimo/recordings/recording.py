@@ -1,6 +1,5 @@
 """A recording with truth: events, camera, and what really happened at the centre of each slice."""
 
-import json
 import zipfile
 import zlib
 from functools import cached_property
@@ -14,10 +13,10 @@ from evimo.errors import BadFile, NotFound
 from evimo.events.io.event_file import EventFile
 from evimo.events.io.evimo2 import open_evimo2
 from evimo.geometry.camera import Camera
+from evimo.recordings.facts import DAMAGED, facts_of
 from evimo.recordings.imu import IMU_ARRAYS, Imu
 from evimo.recordings.truth import ObjectTruth, Truth
 
-DAMAGED = "simulate it again, or copy the whole folder again"
 SIM_SHAPES = {"times_us": 1, "ego": 2, "object_ids": 1, "positions": 3, "velocities": 3, "rotations": 3}
 
 
@@ -101,7 +100,7 @@ def open_recording(folder: str | Path) -> Recording:
     path = Path(folder)
     if not path.is_dir():
         raise NotFound(f"no recording {path}", fix="a folder that `evimo simulate` has written")
-    information = _information(path / "dataset_info.json")
+    information = facts_of(path)
     sim = _arrays(path / "dataset_sim.npz", tuple(SIM_SHAPES))
     frames, bodies = len(sim["times_us"]), len(sim["object_ids"])
     shapes = {"ego": (frames, 6)} | dict.fromkeys(("positions", "velocities", "rotations"), (frames, bodies, 3))
@@ -114,15 +113,6 @@ def open_recording(folder: str | Path) -> Recording:
     except (KeyError, TypeError) as error:
         raise BadFile(f"dataset_info.json of {path} lacks the camera", fix=DAMAGED) from error
     return Recording(path, camera, sim, information)
-
-
-def _information(path: Path) -> dict[str, Any]:
-    if not path.exists():
-        raise BadFile(f"{path.parent} lacks {path.name}", fix="a folder that `evimo simulate` has written")
-    try:
-        return dict(json.loads(path.read_text())["evimo"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise BadFile(f"{path} is not the JSON of a simulated recording", fix=DAMAGED) from error
 
 
 def _arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:

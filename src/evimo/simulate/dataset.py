@@ -8,6 +8,7 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -21,6 +22,7 @@ from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.writer import RecordingWriter
 from evimo.scene.draw import SETS
 from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording
+from evimo.simulate.resuming import check_made_alike
 from evimo.simulate.sensor import known_sensor
 
 LAYOUTS = {"evimo2": "", "evimo1": ".npz"}
@@ -93,13 +95,25 @@ class DatasetPlan:
         alone = self.events_file(out, seed)
         return self.recording(out, seed).exists() and (alone is None or alone.exists())
 
+    def made_of(self) -> dict[str, Any]:
+        """What all its recordings share, in the words of `resuming.as_made`."""
+        height, width = self.pixels
+        shared = {name: getattr(self, name) for name in ("sensor", "camera", "seconds", "part", "room")}
+        return {**shared, "size": f"{width}x{height}"}
+
     def _name(self, seed: int) -> str:
         return f"set{self.set_of(seed)}_{seed:06d}"
 
 
 def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Iterator[Path]:
-    """Write the recordings of a plan that do not exist yet, and yield the path of each when it is complete."""
+    """Write the recordings of a plan that do not exist yet, and yield the path of each when it is complete.
+
+    Raises:
+        BadInput: a recording that exists was made with another sensor, size, camera or length.
+    """
     seeds = range(plan.seed, plan.seed + plan.recordings)
+    paths = (plan.recording(out, seed) for seed in seeds)
+    check_made_alike((path for path in paths if path.exists()), plan.made_of())
     complete = {seed for seed in seeds if plan.is_complete(out, seed)}
     yield from (plan.recording(out, seed) for seed in sorted(complete))
     missing = [seed for seed in seeds if seed not in complete]

@@ -1,0 +1,39 @@
+"""How a simulated recording was made, as it tells itself."""
+
+import json
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evimo.errors import BadFile
+
+DAMAGED = "simulate it again, or copy the whole recording again"
+
+
+def facts_of(path: Path) -> dict[str, Any]:
+    """Camera, seed, sensor, version of a recording in either layout: a folder, or an .npz file.
+
+    Raises:
+        BadFile: it does not tell, or what it tells is damaged; nothing is ever unpickled.
+    """
+    return _folder_facts(path / "dataset_info.json") if path.is_dir() else _archive_facts(path)
+
+
+def _folder_facts(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        raise BadFile(f"{path.parent} lacks {path.name}", fix="a folder that `evimo simulate` has written")
+    try:
+        return dict(json.loads(path.read_text())["evimo"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadFile(f"{path} is not the JSON of a simulated recording", fix=DAMAGED) from error
+
+
+def _archive_facts(path: Path) -> dict[str, Any]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return dict(json.loads(str(archive["sim_facts"].item())))
+    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise BadFile(f"{path} does not tell how it was simulated", fix=DAMAGED) from error
