@@ -18,7 +18,8 @@ F8 = NDArray[np.float64]
 
 NO_MOVERS, STATIC_CAMERA, PAUSED_CAMERA, RESTING_MOVER, NETTED = 0.15, 0.06, 0.08, 0.2, 0.08
 FOREVER = 1e4
-LONGEST_THROW_S = 2.0  # of a scene from a pool: in a longer one what is thrown would be gone for most of it
+LONG_S = 2.0  # from here on a scene of a pool is held together, or what moves in it would be gone for most of the time
+REACH, TURN = 0.2, 0.15  # m and rad: root mean square of excursions in such a scene
 TILT = (0.08, 0.08, 0.1)  # rad, of the camera away from looking at its focus upright
 
 
@@ -61,7 +62,8 @@ def draw_scene(
     """One scene; things stand where they are meant to be at a random time within 0...seconds.
 
     With a pool, movers and clutter are of its families of shapes, there are as many movers as the set says, never
-    none, and in a long scene nothing is thrown.
+    none; and in a long scene nothing is thrown, the camera does not stand still for all of it, and fast motion is to
+    and fro rather than far.
     """
     kind = str(rng.choice(style.rooms))
     plain = float(np.clip(style.plain + rng.normal() * 0.25, 0, 1))
@@ -73,7 +75,7 @@ def draw_scene(
         net_in_front(room, position, axes)
     bodies = _bodies(rng, bank, (room, position, axes, distance), (style, pace, seconds), pool=pool)
     light = rng.normal(size=3) + (0, 0, 1.5)
-    camera = _camera_motion(rng, (position, axes), pace, seconds)
+    camera = _camera_motion(rng, (position, axes), pace, seconds, long=pool is not None and seconds >= LONG_S)
     return Scene(bodies, camera, light / np.linalg.norm(light), float(rng.uniform(0.3, 0.8)), bank)
 
 
@@ -93,19 +95,25 @@ def _viewpoint(rng: np.random.Generator, kind: str, room: Room) -> tuple[F8, F8,
     return position, axes, float(np.linalg.norm(room.focus - position))
 
 
-def _camera_motion(rng: np.random.Generator, pose: tuple[F8, F8], pace: Pace, seconds: float) -> Motion:
+def _camera_motion(rng: np.random.Generator, pose: tuple[F8, F8], pace: Pace, seconds: float, *, long: bool) -> Motion:
     """Hand-held: it sways and turns, sometimes trembles, pauses, or stands still."""
     zero_s = float(rng.uniform(0, seconds))
-    moves: list[Curve] = [wander(rng, pace.camera, (0.2, 2.5), zero_s=zero_s)]
+    moves: list[Curve] = [wander(rng, pace.camera, _band((0.2, 2.5), pace.camera, REACH, long=long), zero_s=zero_s)]
     if rng.random() < 0.3:
         moves.append(wander(rng, rng.uniform(0.02, 0.1), (5, 10), zero_s=zero_s))
-    turns = wander(rng, pace.turning, (0.3, 3.0), zero_s=zero_s)
+    turns = wander(rng, pace.turning, _band((0.3, 3.0), pace.turning, TURN, long=long), zero_s=zero_s)
     rest = None
-    if (chance := rng.random()) < STATIC_CAMERA:
+    if (chance := rng.random()) < STATIC_CAMERA and not long:
         rest = Rest(-FOREVER, FOREVER, 0.1)
     elif chance < STATIC_CAMERA + PAUSED_CAMERA:
         rest = _rest(rng, seconds)
     return Motion(*pose, tuple(moves), turns, rest)
+
+
+def _band(band: tuple[float, float], rate: float, reach: float, *, long: bool) -> tuple[float, float]:
+    """Hz; in a long scene without the low frequencies at which this rate (rms, per second) goes beyond `reach`."""
+    low, high = band
+    return (min(max(low, rate / (2 * math.pi * reach)), 0.8 * high), high) if long else band
 
 
 def _rest(rng: np.random.Generator, seconds: float) -> Rest:
@@ -129,10 +137,10 @@ def _bodies(
     own = Paint(bank, 0.85, (0.2, 0.8), (0.1, 0.5)) if shy else family
     slow = Pace(pace.camera, pace.turning, pace.mover * 0.35) if shy else pace
     bodies = [view[0].body()]
-    throws = not pool or seconds < LONGEST_THROW_S
+    long = pool is not None and seconds >= LONG_S
     for _ in range(count):
         parts = compound(rng, own, pool)
-        motion = _mover_motion(rng, _place(rng, parts, view), slow, seconds, throws=throws)
+        motion = _mover_motion(rng, _place(rng, parts, view), slow, seconds, long=long)
         bodies.append(Body(parts, motion))
     for _ in range(int(rng.integers(2, 7)) if rng.random() < 0.8 else int(rng.integers(0, 2))):
         parts = compound(rng, family, pool)
@@ -159,13 +167,13 @@ def _standing(parts: tuple[Part, ...], pose: Motion) -> tuple[Part, ...]:
     )
 
 
-def _mover_motion(rng: np.random.Generator, at: F8, pace: Pace, seconds: float, *, throws: bool) -> Motion:
+def _mover_motion(rng: np.random.Generator, at: F8, pace: Pace, seconds: float, *, long: bool) -> Motion:
     """It wanders or is thrown, turns, and may rest for a while; slower or faster than what is behind it."""
     zero_s, speed = float(rng.uniform(0, seconds)), pace.mover * math.exp(rng.normal() * 0.5)
-    if rng.random() < 0.12 and throws:
+    if rng.random() < 0.12 and not long:
         moves: Curve = Throw(rng.normal(size=3) * speed + (0, 0, 0.5), zero_s)
     else:
-        moves = wander(rng, speed, (0.3, 3.0), zero_s=zero_s)
+        moves = wander(rng, speed, _band((0.3, 3.0), speed, REACH, long=long), zero_s=zero_s)
     turns = wander(rng, rng.choice([0.2, 1.0, 3.0]) * math.exp(rng.normal() * 0.4), (0.3, 3.0), zero_s=zero_s)
     rest = _rest(rng, seconds) if rng.random() < RESTING_MOVER else None
     return Motion(at, random_rotation(rng), (moves,), turns, rest)
