@@ -10,13 +10,10 @@ import numpy as np
 import pytest
 
 from evimo.cli import main
-from evimo.cli.view import pictures
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
-from evimo.recordings.recording import open_recording
 from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.recordings.writer import RecordingWriter
-from evimo.simulate.dataset import DatasetPlan, write_recording
 
 SIZE = (24, 32)
 
@@ -133,19 +130,3 @@ def test_ctrl_c_leaves_a_complete_shorter_video(long_recording, tmp_path):
     assert said.startswith("stopped early") and "Traceback" not in errors
     assert list(out.parent.iterdir()) == [out]
     assert 0 < len(frames_of(out)) < 2400
-
-
-@pytest.mark.slow
-def test_pictures_made_again_change_where_events_say_so(tmp_path):
-    """Pixels that got ON events became brighter, those with OFF events darker: the pictures are of this recording."""
-    plan = DatasetPlan(set_number=3, minutes=1, seed=7, seconds=0.1, size=(48, 64))
-    made = open_recording(write_recording(plan, tmp_path, 7))
-    light = pictures(made)
-    assert light is not None
-    change = np.log(light(62_500) + 0.05) - np.log(light(37_500) + 0.05)
-    balance = np.zeros(made.camera.size)
-    for packet in made.events.packets(37_500, 62_500):
-        np.add.at(balance, (packet.y, packet.x), packet.p)
-    strong = np.abs(balance) >= 2
-    assert strong.sum() > 200
-    assert (np.sign(change) == np.sign(balance))[strong].mean() > 0.9

@@ -7,33 +7,28 @@ import warnings
 from collections.abc import Callable, Generator
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evimo.cli.progress import progress
-from evimo.errors import BadInput, EvimoError, EvimoWarning
+from evimo.errors import BadInput, EvimoWarning
 
 if TYPE_CHECKING:
     from evimo.events.io.event_file import EventFile
     from evimo.events.slices import Slice
     from evimo.recordings.recording import Recording
+    from evimo.simulate.pictures import Light
     from evimo.streaming.span import Span
     from evimo.viewing.colours import Image
-
-Light = Callable[[int], NDArray[np.float32]]
-"""From an instant in µs to its picture, (H, W) linear light."""
 
 Drawer = Callable[["Slice"], "Image | None"]
 """From a slice to its frame; None where nothing is known of it."""
 
 TRUTH_FILES = ("dataset_sim.npz", "dataset_clutter.npz")  # only our own folders have them
 FASTEST_FPS = 60.0  # players drop images beyond their screen's rate: rather leave out slices
-ALIKE = 0.999  # share of pixels with the same id in a picture made again
 STOPPED = 130
 
 
@@ -93,27 +88,6 @@ def view(
     return STOPPED if early else 0
 
 
-def pictures(recording: "Recording") -> Light | None:
-    """What the camera of a simulated recording saw, made again from its seed; None where this version makes another."""
-    from evimo.scene.renderer import Renderer
-    from evimo.simulate.recording import simulate_recording
-
-    meta, camera = recording.meta, recording.camera
-    if meta.get("version") != metadata.version("evimo"):  # textures are not stored: nothing could tell them apart
-        return None
-    try:
-        again = simulate_recording(
-            meta["seed"], set_number=meta["set"], seconds=meta["seconds"], camera=meta["camera_kind"], size=camera.size
-        )
-    except (KeyError, EvimoError):
-        return None
-    renderer, middle = Renderer(again.scene, again.camera), len(recording) // 2
-    made, kept = renderer.truth(int(recording.times_us[middle])), recording.truth(middle)
-    if again.camera != camera or not np.allclose(made.ego, kept.ego) or (made.ids == kept.ids).mean() < ALIKE:
-        return None
-    return lambda t_us: renderer.frames(np.array([t_us * 1e-6])).image[0]
-
-
 def _default_file(recording: Path) -> Path:
     return Path("out") / f"{recording.resolve().stem or 'recording'}.mp4"
 
@@ -148,7 +122,9 @@ def _lasting(recording: "Recording") -> "EventFile":
     return replace(events, start_us=min(events.start_us, first_us), stop_us=max(events.stop_us, last_us + SLICE_US))
 
 
-def _light(recording: "Recording") -> Light | None:
+def _light(recording: "Recording") -> "Light | None":
+    from evimo.simulate.pictures import pictures
+
     print(
         f"rendering what the camera saw from seed {recording.meta.get('seed')}; --no-picture is faster", file=sys.stderr
     )
@@ -159,7 +135,7 @@ def _light(recording: "Recording") -> Light | None:
     return light
 
 
-def _truth_drawer(recording: "Recording", light: Light | None) -> Drawer:
+def _truth_drawer(recording: "Recording", light: "Light | None") -> Drawer:
     from evimo.events.slices import SLICE_US
     from evimo.viewing.truth_panels import TruthPanels, depth_bounds
 

@@ -1,0 +1,53 @@
+"""What the camera of a simulated recording saw, made again: pictures are not stored."""
+
+from collections.abc import Callable
+from importlib import metadata
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import EvimoError
+from evimo.recordings.recording import Recording
+from evimo.scene.renderer import Renderer
+from evimo.simulate.recording import SimulatedRecording, simulate_recording
+
+Light = Callable[[int], NDArray[np.float32]]
+"""From an instant in µs to its picture, (H, W) linear light."""
+
+ALIKE = 0.999  # share of pixels with the same id in a picture made again
+
+
+def pictures(recording: Recording) -> Light | None:
+    """The pictures of a recording by instant, rendered from its seed; None where this version makes another one.
+
+    Textures are not stored and nothing could tell them apart, so the version must be the same; lens, motion and ids
+    are compared at the middle.
+    """
+    if recording.meta.get("version") != metadata.version("evimo"):
+        return None
+    again = _made_again(recording)
+    if again is None:
+        return None
+    renderer, middle = Renderer(again.scene, again.camera), len(recording) // 2
+    made, kept = renderer.truth(int(recording.times_us[middle])), recording.truth(middle)
+    alike = again.camera == recording.camera and np.allclose(made.ego, kept.ego)
+    if not alike or (made.ids == kept.ids).mean() < ALIKE:
+        return None
+    return lambda t_us: renderer.frames(np.array([t_us * 1e-6])).image[0]
+
+
+def _made_again(recording: Recording) -> SimulatedRecording | None:
+    meta = recording.meta
+    try:
+        return simulate_recording(
+            meta["seed"],
+            set_number=meta["set"],
+            seconds=meta["seconds"],
+            camera=meta["camera_kind"],
+            sensor=meta.get("sensor_kind", "davis346"),
+            size=recording.camera.size,
+            part=meta.get("part"),
+            room=meta.get("room"),
+        )
+    except (KeyError, EvimoError):
+        return None
