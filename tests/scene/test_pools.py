@@ -53,7 +53,7 @@ def test_both_parts_have_small_and_large_compounds(scenes):
         assert {sum(found) for found in families(drawn)} == {1, 2, 3, 4, 5}
 
 
-def test_a_pool_shares_no_texture_with_what_is_drawn_without_one():
+def test_banks_of_a_pool_are_not_those_without_one():
     banks = [texture_bank(3, plain=2, dense=2, pool=number).texels[: 4 * SIZE * SIZE] for number in (0, 1, 2)]
     seen = [{pattern.tobytes() for pattern in bank.reshape(4, SIZE, SIZE)} for bank in banks]
     assert len(set.union(*seen)) == 12

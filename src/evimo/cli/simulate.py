@@ -90,7 +90,7 @@ def _replica(out: Path, *, minutes: float | None, seed: int, size: str | None, w
 
 
 def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
-    """Show minutes of recording made, how fast, and the time left: by the bar, or a line each without a terminal."""
+    """Show seconds of recording made, how fast, and the time left: by the bar, or a line each without a terminal."""
     from evimo.simulate.replica import simulate_replica
 
     sequences = plan.sequences
@@ -98,14 +98,14 @@ def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
     present = {sequence.path for sequence in sequences if (out / sequence.path).exists()}
     begun, made_s, done_s = time.perf_counter(), 0.0, 0.0
     with Progress(TextColumn("replica"), BarColumn(), TextColumn("{task.fields[said]}")) as progress:
-        task = progress.add_task("", total=total_s, said=f"{total_s / 60:.1f} min")
+        task = progress.add_task("", total=total_s, said=f"{total_s:.0f} s")
         for sequence in simulate_replica(plan, out, workers=workers):
             done_s += sequence.seconds
             made_s += 0 if sequence.path in present else sequence.seconds
-            said = f"{done_s / 60:.1f} of {total_s / 60:.1f} min"
+            said = f"{done_s:.0f} of {total_s:.0f} s"
             if made_s:
                 per_s = made_s / (time.perf_counter() - begun)
-                said += f", {per_s:.3f} s of recording per s, {(total_s - done_s) / per_s / 60:.0f} min left"
+                said += f", {per_s:.3f} s of recording per s, {(total_s - done_s) / per_s / 60:.1f} min left"
             progress.update(task, advance=sequence.seconds, said=said)
             if made_s and not progress.console.is_terminal:
                 progress.console.print(f"{sequence.path}: {said}", soft_wrap=True)
