@@ -1,16 +1,12 @@
 """Many recordings, each from its own seed: resumable, in one process or several."""
 
-import signal
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 
 from evimo.errors import BadInput
@@ -24,6 +20,7 @@ from evimo.scene.draw import SETS
 from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording
 from evimo.simulate.resuming import check_made_alike
 from evimo.simulate.sensor import known_sensor
+from evimo.simulate.workers import finished
 
 LAYOUTS = {"evimo2": "", "evimo1": ".npz"}
 
@@ -117,23 +114,7 @@ def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Itera
     complete = {seed for seed in seeds if plan.is_complete(out, seed)}
     yield from (plan.recording(out, seed) for seed in sorted(complete))
     missing = [seed for seed in seeds if seed not in complete]
-    if workers <= 1:
-        yield from map(partial(write_recording, plan, out), missing)
-        return
-    context, prepare = get_context("spawn"), partial(_prepare_worker, workers)
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=prepare) as pool:
-        jobs = [pool.submit(write_recording, plan, out, seed) for seed in missing]
-        try:
-            for job in as_completed(jobs):
-                yield job.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _prepare_worker(workers: int) -> None:
-    """Share the cores; leave Ctrl-C to the parent, which then waits for the recordings that are under way."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    numba.set_num_threads(max(1, numba.get_num_threads() // workers))
+    yield from finished(partial(write_recording, plan, out), missing, workers)
 
 
 def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:
