@@ -14,7 +14,7 @@ TILE = 8
 _0, _1 = f32(0), f32(1)
 _SLACK = f32(0.006)  # rad, added around a tile: rays within its border pixels
 
-_parallel = numba.njit(fastmath=True, nogil=True, error_model="numpy", cache=True, parallel=True)
+_parallel = numba.njit(nogil=True, error_model="numpy", cache=True, parallel=True)
 
 
 @jit

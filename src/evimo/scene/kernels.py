@@ -17,7 +17,7 @@ _0, _HALF, _1 = f32(0), f32(0.5), f32(1)
 _NEAR, _FAR, _TINY = f32(1e-3), f32(1e9), f32(1e-12)
 _MISS = f32(-1)
 
-jit = numba.njit(fastmath=True, nogil=True, error_model="numpy", cache=True)
+jit = numba.njit(nogil=True, error_model="numpy", cache=True)
 
 
 @jit
