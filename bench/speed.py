@@ -101,7 +101,7 @@ def run() -> Iterator[Row]:
     from evimo import samples
 
     full, sample = full_size(), samples.path()
-    ways = {"": (full, "--no-dense"), "_dense": (full, "--dense"), "_sample": (sample, "--no-dense")}
+    ways = {"": (full, "--dense"), "_tables_only": (full, "--no-dense"), "_sample": (sample, "--dense")}
     summaries: dict[str, list[Row]] = {way: [] for way in ways}
     for _ in range(RUNS):
         for way, (source, option) in ways.items():
