@@ -27,7 +27,7 @@ def found(moving, velocity, smallest_px=12):
 
 
 def test_smallest_region_is_a_share_of_the_image_and_some_pixels_at_least():
-    assert smallest_region((260, 346)) == 27  # 0.03 % of 89 960
+    assert smallest_region((130, 173)) == 22  # 0.1 % of 22 490
     assert smallest_region((24, 32)) == 4
 
 

@@ -22,7 +22,7 @@ F8 = NDArray[np.float64]
 U1 = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-SMALLEST_SHARE, SMALLEST_PX = 0.0003, 4  # of a region: share of the image, and pixels at least
+SMALLEST_SHARE, SMALLEST_PX = 0.001, 4  # of a region: share of the image, and pixels at least
 GAP_SHARE = 0.03  # of the width
 SMALLEST_PART = 0.04  # share of a region that a part of it must have
 APART = 4.5  # distance of two groups' means in standard deviations; cutting one evenly spread group gives 3.5
