@@ -122,7 +122,9 @@ def _check_names(path: Path, session: Any) -> None:
     missing = [name for ours, names in zip((INPUTS, OUTPUTS), given, strict=True) for name in ours if name not in names]
     if missing or len(given[0]) > len(INPUTS):
         lacks = f"lacks {', '.join(missing)}" if missing else f"wants more than {', '.join(INPUTS)}"
-        raise BadFile(f"{path} is not an evimo model: it {lacks}", fix="the .onnx file of `evimo train`, exported by this version")
+        raise BadFile(
+            f"{path} is not an evimo model: it {lacks}", fix="the .onnx file of `evimo train`, exported by this version"
+        )
 
 
 def _facts(path: Path, session: Any) -> tuple[dict[str, Any], int, int]:
