@@ -13,12 +13,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from evimo.cli.view import pictures
 from evimo.errors import EvimoError, NotFound
 from evimo.events.events import joined
 from evimo.events.slices import SLICE_US, Slice
 from evimo.recordings.recording import Recording, open_recording
 from evimo.scene.draw import SETS
+from evimo.simulate.pictures import pictures
 from evimo.viewing import legends
 from evimo.viewing.colours import BACKDROP, MUTED, Image
 from evimo.viewing.history import FLOW_STEPS, round_limit
