@@ -1,5 +1,8 @@
 """What the user can fix: errors that say how, and the one kind of warning."""
 
+from functools import partial
+from typing import Any
+
 
 class EvimoError(Exception):
     """The user can fix this; the message says how."""
@@ -8,6 +11,10 @@ class EvimoError(Exception):
         super().__init__(f"{problem}\n  try: {fix}")
         self.problem = problem
         self.fix = fix
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How it comes back from a worker process."""
+        return partial(type(self), fix=self.fix), (self.problem,)
 
 
 class NotFound(EvimoError):

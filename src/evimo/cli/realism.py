@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from evimo.cli.evaluate import recordings_in
+from evimo.cli.folders import make_folder
 from evimo.cli.progress import progress
 from evimo.errors import BadInput
 from evimo.evaluation.event_statistics import (
@@ -52,6 +53,8 @@ def realism(*real: Path, simulated: Path, out: Path | None = None, sensor: str |
     size = sensor_size(sensor) if sensor else None
     files = [open_events(path, sensor=size) for path in real]
     made = [open_events(folder) for folder in recordings_in([simulated])]
+    if out is not None:
+        make_folder(out)
     with progress(sum(whole_slices(each) for each in (*files, *made))) as advance:
         compared = Realism(_statistics(files, advance), _statistics(made, advance))
     console = Console()

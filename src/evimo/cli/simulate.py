@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from evimo.cli.folders import make_folder
 from evimo.errors import BadInput
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def simulate(
         layout=layout,
         events=events,
     )
+    make_folder(out)
     columns = (TextColumn("simulate"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         task = progress.add_task("recordings", total=plan.recordings)
@@ -86,6 +88,7 @@ def _replica(out: Path, *, minutes: float | None, seed: int, size: str | None, w
         )
     pixels = None if size is None else _size(size)
     plan = ReplicaPlan(minutes=MINUTES if minutes is None else minutes, seed=seed, size=pixels)
+    make_folder(out)
     _write_replica(plan, out, workers)
 
 
@@ -120,7 +123,7 @@ class _Rate(ProgressColumn):
 
 
 def _set_number(text: str) -> int:
-    if text != "all" and text not in "123456":
+    if text != "all" and text not in tuple("123456"):
         raise BadInput(f"no set {text!r}", fix="a set from 1 to 6, or all")
     return 0 if text == "all" else int(text)
 

@@ -78,6 +78,8 @@ def view(
                 advance()
                 if stopped:
                     break
+        if stopped and not count:
+            raise KeyboardInterrupt
         if not count:
             raise BadInput(f"nothing is known of {recording} in this span", fix="another --start or --stop")
         video.keep()

@@ -63,16 +63,17 @@ class RecordingWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for name, file in self._arrays.items():
-            file.seek(0)
-            _write_header(file, name, self.events)
-            file.close()
-        for archive in self._maps.values():
-            archive.close()
-        if error is None:
-            self._write_facts()
-            self.unfinished.rename(self.folder)
-        else:
+        try:
+            for name, file in self._arrays.items():
+                file.seek(0)
+                _write_header(file, name, self.events)
+                file.close()
+            for archive in self._maps.values():
+                archive.close()
+            if error is None:
+                self._write_facts()
+                self.unfinished.rename(self.folder)
+        finally:
             shutil.rmtree(self.unfinished, ignore_errors=True)
 
     def write(self, events: Events, truth: Truth, *, clutter_bodies: NDArray[np.uint8] | None = None) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ class DatasetPlan:
             check_events_format(self.events, self.pixels)
         if self.set_number not in (0, *SETS):
             raise BadInput(f"no set {self.set_number}", fix="a set from 1 to 6, or all")
-        if self.minutes <= 0 or self.seconds < SLICE_S or min(height, width) < 16:
+        if not (0 < self.minutes < inf and SLICE_S <= self.seconds < inf) or min(height, width) < 16:
             raise BadInput(
                 f"{self.minutes} minutes of recordings of {self.seconds} s, {width}x{height} px",
                 fix="positive minutes, at least 0.025 s, at least 16x16 px",

@@ -49,5 +49,5 @@ def _made_again(recording: Recording) -> SimulatedRecording | None:
             part=meta.get("part"),
             room=meta.get("room"),
         )
-    except (KeyError, EvimoError):
+    except (KeyError, TypeError, ValueError, EvimoError):
         return None

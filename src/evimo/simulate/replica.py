@@ -10,6 +10,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
+from math import inf
 from pathlib import Path
 
 from evimo.errors import BadInput
@@ -71,7 +72,7 @@ class ReplicaPlan:
     size: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
-        if self.minutes * 60 < SEQUENCES * SLICE_S:
+        if not SEQUENCES * SLICE_S <= self.minutes * 60 < inf:
             least = f"at least {SEQUENCES * SLICE_S / 60:.4f} minutes, a slice for each"
             raise BadInput(f"{self.minutes} minutes for {SEQUENCES} sequences", fix=least)
         self.dataset(self.sequences[0])  # refuses a bad seed or size

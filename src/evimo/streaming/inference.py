@@ -12,11 +12,13 @@ import onnxruntime as ort
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
+from evimo.streaming.span import CONTEXT
 
 F4 = NDArray[np.float32]
 
 MOST_WORKERS = 4  # more would wait for memory, not for each other
 LARGEST_STRIDE = 1024
+SLICES = 2 * CONTEXT + 1
 INPUTS = ("image", "evidence", "valid", "intrinsics")
 OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 
@@ -134,6 +136,8 @@ def _facts(path: Path, session: Any) -> tuple[dict[str, Any], int, int]:
         config, stride, reduction = (json.loads(texts[key]) for key in ("config", "stride", "evidence_reduction"))
         if not isinstance(config, dict) or not 0 < reduction < stride < LARGEST_STRIDE or stride % (2 * reduction):
             raise ValueError(f"stride {stride}, reduction {reduction}")
+        if config.get("slices", SLICES) != SLICES:
+            raise ValueError(f"stacks of {config['slices']} slices, not of {SLICES}")
     except (KeyError, ValueError, TypeError) as error:
         raise BadFile(
             f"{path} does not say how its images are made: {error}", fix="the .onnx file of `evimo train`"
