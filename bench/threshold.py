@@ -83,6 +83,8 @@ def main() -> None:
     parser.add_argument("--move-to", type=float)
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
+    if bool(options.move_to) != bool(options.out):
+        parser.error("--move-to and --out go together")
     model = load_model(options.model)
     found = [one for folder in recording_folders(options.folders)[:: options.every] for one in samples(model, folder)]
     Console().print(table(found))

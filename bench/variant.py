@@ -45,6 +45,8 @@ def main() -> None:
     parser.add_argument("--shape", nargs="*", default=[])
     parser.add_argument("--recipe", nargs="*", default=[])
     options = parser.parse_args()
+    if options.start and options.shape:
+        parser.error("a model that is trained further keeps its shape")
     RECIPES[VARIANT] = replace(RECIPES["shipped"], **changes(options.recipe))
     config = TrainConfig(recipe=VARIANT, steps=options.steps, learning_rate=options.learning_rate, seed=options.seed)
     torch.manual_seed(config.seed)

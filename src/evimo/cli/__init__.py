@@ -12,6 +12,7 @@ from typing import TextIO
 
 from cyclopts import App, CycloptsError
 
+from evimo.cli.exit_codes import INTERRUPTED, WRONG_INPUT
 from evimo.errors import EvimoError, EvimoWarning
 
 COMMANDS = {
@@ -23,7 +24,6 @@ COMMANDS = {
     "evaluate": "Score a model on recordings with truth.",
     "realism": "Compare simulated events with real ones.",
 }
-WRONG_INPUT, INTERRUPTED = 2, 130
 
 
 def app(wanted: str = "") -> App:

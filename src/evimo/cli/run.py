@@ -9,6 +9,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
 from evimo.errors import BadInput, EvimoWarning
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from evimo.streaming.saving import Control, Saved
 
 SHORT_S = 60.0  # of recording: below it the maps are written unless told otherwise
-STOPPED = 130
 
 
 def run(
@@ -67,7 +67,7 @@ def run(
     if saved is None:
         raise KeyboardInterrupt
     print(_told(saved))
-    return STOPPED if saved.summary["interrupted"] else 0
+    return INTERRUPTED if saved.summary["interrupted"] else 0
 
 
 def _default_folder(recording: Path) -> Path:

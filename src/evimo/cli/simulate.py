@@ -12,6 +12,7 @@ from evimo.cli.folders import make_folder
 from evimo.errors import BadInput
 
 if TYPE_CHECKING:
+    from evimo.simulate.dataset import DatasetPlan
     from evimo.simulate.replica import ReplicaPlan
 
 
@@ -58,7 +59,7 @@ def simulate(
         return
     if minutes is None:
         raise BadInput("no length", fix="--minutes M, or --replica")
-    from evimo.simulate.dataset import DatasetPlan, simulate_dataset
+    from evimo.simulate.dataset import DatasetPlan
 
     plan = DatasetPlan(
         set_number=_set_number(set),
@@ -72,6 +73,12 @@ def simulate(
         events=events,
     )
     make_folder(out)
+    _write_dataset(plan, out, workers)
+
+
+def _write_dataset(plan: "DatasetPlan", out: Path, workers: int) -> None:
+    from evimo.simulate.dataset import simulate_dataset
+
     columns = (TextColumn("simulate"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         task = progress.add_task("recordings", total=plan.recordings)

@@ -1,10 +1,14 @@
 """`evimo train`: train a model on simulated recordings."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from evimo.errors import MissingExtra
+
+if TYPE_CHECKING:
+    from evimo.training.config import TrainConfig
 
 
 def train(
@@ -36,17 +40,25 @@ def train(
         device: `cpu` or `cuda`.
         threads: of the CPU; all by default.
     """
+    from evimo.training.config import TrainConfig
+
+    config = TrainConfig(recipe=recipe, steps=steps, batch=batch, learning_rate=learning_rate, seed=seed)
+    _train(list(data), preset, config, out, device=device, threads=threads)
+
+
+def _train(
+    data: list[Path], preset: str, config: "TrainConfig", out: Path, *, device: str, threads: int | None
+) -> None:
+    """Prepare, train, export, with a bar for each."""
     try:
         import torch
 
+        from evimo.model.export import export
         from evimo.training.start import log_rows, start
     except ImportError as error:
         raise MissingExtra("training needs torch", fix='pip install "evimo[train]"') from error
-    from evimo.training.config import TrainConfig
-
     if threads:
         torch.set_num_threads(threads)
-    config = TrainConfig(recipe=recipe, steps=steps, batch=batch, learning_rate=learning_rate, seed=seed)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -60,8 +72,8 @@ def train(
             progress.update(preparing, completed=done, total=total)
 
         preparing = progress.add_task("prepare", total=None, facts="")
-        trainer = start(list(data), preset, config, out, device=device, progress=prepared)
-        steps_task = progress.add_task("train", total=steps, completed=trainer.step, facts="")
+        trainer = start(data, preset, config, out, device=device, progress=prepared)
+        steps_task = progress.add_task("train", total=config.steps, completed=trainer.step, facts="")
 
         out.mkdir(parents=True, exist_ok=True)
         with log_rows(out / "log.csv") as log:
@@ -71,6 +83,4 @@ def train(
                 progress.update(steps_task, completed=step, facts=f"loss {terms['loss']:.3f}")
 
             trainer.run(report)
-    from evimo.model.export import export
-
     export(trainer.averaged(), out / "model.onnx")

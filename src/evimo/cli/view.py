@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
 from evimo.errors import BadInput, EvimoWarning
 
@@ -29,7 +30,6 @@ Drawer = Callable[["Slice"], "Image | None"]
 
 TRUTH_FILES = ("dataset_sim.npz", "dataset_clutter.npz")  # only our own folders have them
 FASTEST_FPS = 60.0  # players drop images beyond their screen's rate: rather leave out slices
-STOPPED = 130
 
 
 def view(
@@ -87,11 +87,12 @@ def view(
     print(
         f"{'stopped early: ' if early else ''}{count} frames, {done * SLICE_US * 1e-6:g} s of recording\n  {video.path}"
     )
-    return STOPPED if early else 0
+    return INTERRUPTED if early else 0
 
 
 def _default_file(recording: Path) -> Path:
-    return Path("out") / f"{recording.resolve().stem or 'recording'}.mp4"
+    whole = recording.resolve()
+    return Path("out") / f"{(whole.name if whole.is_dir() else whole.stem) or 'recording'}.mp4"
 
 
 def _prepared(

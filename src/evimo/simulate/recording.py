@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadInput
 from evimo.events.events import Events, joined
+from evimo.events.slices import SLICE_US
 from evimo.geometry.camera import Camera
 from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseTrack
@@ -27,7 +28,6 @@ from evimo.simulate.sensor import SensorSettings, draw_sensor, known_sensor
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
-SLICE_US = 25_000
 SLICE_S = SLICE_US * 1e-6
 WARM_UP_S = 0.015  # its events are dropped: by then refractory periods and the low-pass have settled
 STEP_PX = 0.75  # the fastest one pixel in a hundred moves this far between frames
