@@ -12,7 +12,7 @@ from evimo.scene.textures import TextureBank
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
-BOX, ELLIPSOID, CYLINDER, GRATING = 0, 1, 2, 3
+BOX, ELLIPSOID, CYLINDER, GRATING, MESH = 0, 1, 2, 3, 4
 MOST_PARTS = 120  # part indices and faces share an int16 in the renderer
 
 
@@ -35,10 +35,11 @@ class Surface:
 class Part:
     """One primitive of a body.
 
-    shape:    BOX, ELLIPSOID, CYLINDER (axis z), or GRATING: a flat net in its plane z = 0.
+    shape:    BOX, ELLIPSOID, CYLINDER (axis z), GRATING: a flat net in its plane z = 0, or MESH: triangles.
     half:     (3,) half sizes, m. position: (3,), rotation: (3, 3), body_from_part.
     inside:   seen from within: the room.
     openings: of a GRATING: bars per half size in x and y, and the share of the pitch that is bar, in x and y.
+    mesh:     of a MESH: which of the scene's.
     """
 
     shape: int
@@ -48,6 +49,7 @@ class Part:
     surface: Surface
     inside: bool = False
     openings: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    mesh: int = -1
 
 
 @dataclass(frozen=True, slots=True)
