@@ -1,0 +1,191 @@
+# pyright: basic
+"""Bounding volume hierarchies of triangles, compiled: split where the surface area heuristic is least, by bins."""
+
+import numpy as np
+
+from evimo.scene.compiling import jit
+
+LEAF = 4  # triangles at most, where they can be told apart
+BINS = 16
+_STEP = 0.3  # cost of visiting a node, in tests of a triangle
+
+
+@jit
+def _area(box):
+    x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
+    return x * y + y * z + z * x
+
+
+@jit
+def _clear(box):
+    box[:3], box[3:] = np.inf, -np.inf
+
+
+@jit
+def _widen(box, low, high):
+    for axis in range(3):
+        box[axis], box[3 + axis] = min(box[axis], low[axis]), max(box[3 + axis], high[axis])
+
+
+@jit
+def _best_cut(counts, bins, sums):
+    """Cost and bin of the best cut between bins: counts (BINS,), their boxes (BINS, 6); sums (BINS,) is scratch."""
+    box, number = np.empty(6, np.float64), 0
+    _clear(box)
+    for b in range(BINS - 1, 0, -1):
+        _widen(box, bins[b, :3], bins[b, 3:])
+        number += counts[b]
+        sums[b] = number * _area(box) if number else np.inf
+    _clear(box)
+    number, least, cut = 0, np.inf, -1
+    for b in range(BINS - 1):
+        _widen(box, bins[b, :3], bins[b, 3:])
+        number += counts[b]
+        if number and number * _area(box) + sums[b + 1] < least:
+            least, cut = number * _area(box) + sums[b + 1], b
+    return least, cut
+
+
+@jit
+def _split(boxes, middles, mine):
+    """Axis, bin, lowest middle and bins per unit of length of the best cut of triangles `mine`, and its cost."""
+    counts, bins, sums = np.empty(BINS, np.int64), np.empty((BINS, 6), np.float64), np.empty(BINS, np.float64)
+    best = (0, -1, 0.0, 0.0, np.inf)
+    for axis in range(3):
+        low, high = np.inf, -np.inf
+        for k in mine:
+            low, high = min(low, middles[k, axis]), max(high, middles[k, axis])
+        if not high > low:
+            continue
+        per = BINS / (high - low)
+        counts[:] = 0
+        for b in range(BINS):
+            _clear(bins[b])
+        for k in mine:
+            b = min(BINS - 1, int((middles[k, axis] - low) * per))
+            counts[b] += 1
+            _widen(bins[b], boxes[k, :3], boxes[k, 3:])
+        cost, cut = _best_cut(counts, bins, sums)
+        if cost < best[4]:
+            best = (axis, cut, low, per, cost)
+    return best
+
+
+@jit
+def _parted(order, first, stop, middles, axis, cut, low, per):
+    """Bring triangles of bins up to `cut` to the front of order[first:stop]; returns where the others begin."""
+    a, b = first, stop - 1
+    while a <= b:
+        if min(BINS - 1, int((middles[order[a], axis] - low) * per)) <= cut:
+            a += 1
+        else:
+            order[a], order[b] = order[b], order[a]
+            b -= 1
+    return a
+
+
+@jit
+def grow(triangles):
+    """The tree of triangles given by their boxes (T, 6).
+
+    Returns:
+        boxes (N, 6) float32; nodes (N, 4) int32: first triangle of `order` and how many (0: not a leaf), the second
+        child (the first is the next row) and the axis that parts them, ordered along it; order (T,) of triangles.
+        Rows are in depth-first order.
+    """
+    total = len(triangles)
+    middles = np.empty((total, 3), np.float64)
+    for k in range(total):
+        for axis in range(3):
+            middles[k, axis] = 0.5 * (triangles[k, axis] + triangles[k, 3 + axis])
+    order = np.arange(total)
+    boxes, nodes = np.empty((2 * total, 6), np.float32), np.zeros((2 * total, 4), np.int32)
+    waiting, depth, made = np.empty((total + 1, 3), np.int64), 1, 0
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = 0, total, -1
+    box = np.empty(6, np.float64)
+    while depth:
+        depth -= 1
+        first, stop, parent = waiting[depth]
+        if parent >= 0:
+            nodes[parent, 2] = made
+        _clear(box)
+        for k in order[first:stop]:
+            _widen(box, triangles[k, :3], triangles[k, 3:])
+        boxes[made] = box
+        number = stop - first
+        axis, cut, low, per, cost = (
+            _split(triangles, middles, order[first:stop]) if number > 1 else (0, -1, 0.0, 0.0, 0.0)
+        )
+        if cut < 0 and number > LEAF:
+            cut_at = first + number // 2  # all in one place
+        elif number == 1 or (number <= LEAF and cost + _STEP * _area(box) >= number * _area(box)):
+            cut_at = stop
+        else:
+            cut_at = _parted(order, first, stop, middles, axis, cut, low, per)
+        if cut_at >= stop:
+            nodes[made, 0], nodes[made, 1] = first, number
+        else:
+            nodes[made, 3] = axis
+            waiting[depth, 0], waiting[depth, 1], waiting[depth, 2] = cut_at, stop, made
+            waiting[depth + 1, 0], waiting[depth + 1, 1], waiting[depth + 1, 2] = first, cut_at, -1
+            depth += 2
+        made += 1
+    return boxes[:made].copy(), nodes[:made].copy(), order
+
+
+@jit
+def escapes(nodes):
+    """Where to go on after each node (8, N), -1 at the end, for rays of each octant: bit a is set where they go down
+    along axis a, and then the second child of a node parted along a comes first.
+    """
+    misses = np.full((8, len(nodes)), -1, np.int32)
+    for octant in range(8):
+        mine = misses[octant]
+        for node in range(len(nodes)):
+            if nodes[node, 1] == 0:
+                first, second = node + 1, nodes[node, 2]
+                if (octant >> nodes[node, 3]) & 1:
+                    first, second = second, first
+                mine[first], mine[second] = second, mine[node]
+    return misses
+
+
+@jit
+def corner_normals(corners, triangles, count, least_cosine):
+    """Unit normals (T, 9) at the corners of triangles: the mean, by area, of those around the vertex that face much
+    the same way (cosine at least `least_cosine`), so that creases stay sharp.
+
+    Args:
+        corners: (T, 9). triangles: (T, 3) vertex indices below `count`.
+    """
+    total = len(corners)
+    areas = np.empty((total, 3), np.float64)
+    for k in range(total):
+        a, b, c = corners[k, :3], corners[k, 3:6], corners[k, 6:]
+        e, f = (b - a).astype(np.float64), (c - a).astype(np.float64)
+        areas[k, 0] = e[1] * f[2] - e[2] * f[1]
+        areas[k, 1] = e[2] * f[0] - e[0] * f[2]
+        areas[k, 2] = e[0] * f[1] - e[1] * f[0]
+    starts = np.zeros(count + 1, np.int64)
+    for k in range(total):
+        for corner in range(3):
+            starts[triangles[k, corner] + 1] += 1
+    starts = np.cumsum(starts)
+    around, filled = np.empty(3 * total, np.int64), starts[:-1].copy()
+    for k in range(total):
+        for corner in range(3):
+            vertex = triangles[k, corner]
+            around[filled[vertex]] = k
+            filled[vertex] += 1
+    normals = np.empty((total, 9), np.float32)
+    for k in range(total):
+        mine = areas[k] / max(1e-30, np.sqrt((areas[k] ** 2).sum()))
+        for corner in range(3):
+            vertex, mean = triangles[k, corner], np.zeros(3, np.float64)
+            for other in around[starts[vertex] : starts[vertex + 1]]:
+                length = np.sqrt((areas[other] ** 2).sum())
+                if (areas[other] * mine).sum() >= least_cosine * length:
+                    mean += areas[other]
+            length = np.sqrt((mean**2).sum())
+            normals[k, 3 * corner : 3 * corner + 3] = mean / length if length > 1e-30 else mine
+    return normals
