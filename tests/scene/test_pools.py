@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from evimo.scene.draw import SETS, draw_scene
+from evimo.scene.patterns import SIZE
 from evimo.scene.pools import POOLS, family
-from evimo.scene.textures import SIZE, texture_bank
+from evimo.scene.textures import texture_bank
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from evimo.scene.textures import DENSE, PLAIN, SIZE, texture, texture_bank
+from evimo.scene.patterns import DENSE, PLAIN, SIZE, texture
+from evimo.scene.textures import texture_bank
 
 
 @pytest.mark.parametrize("kind", PLAIN + DENSE)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID
 from evimo.scene.textures import TextureBank, texture_bank
@@ -20,9 +21,9 @@ class Pool:
     number: int
     parity: int
 
-    def bank(self, seed: int) -> TextureBank:
-        """Textures that no other pool has."""
-        return texture_bank(seed, pool=self.number)
+    def bank(self, seed: int, images: Path | None = None) -> TextureBank:
+        """Textures that no other pool has; `images` as in `texture_bank`."""
+        return texture_bank(seed, pool=self.number, images=images)
 
     def holds(self, shapes: Iterable[int]) -> bool:
         """Whether compounds of these primitives belong to it."""
