@@ -66,6 +66,27 @@ def test_clutter_bodies_are_numbered(tmp_path, camera, pieces):
     np.testing.assert_array_equal(recording.truth(0).clutter, bodies > 0)
 
 
+def test_ids_of_events_are_read_back_mapped_and_are_as_many(tmp_path, folder, camera, pieces):
+    given = [np.arange(len(events), dtype=np.uint8) % 3 for events, _ in pieces]
+    with RecordingWriter(tmp_path / "labelled", camera) as writer:
+        for (events, truth), ids in zip(pieces, given, strict=True):
+            writer.write(events, truth, event_ids=ids)
+    found = open_recording(tmp_path / "labelled").event_ids
+    assert isinstance(found, np.memmap)
+    np.testing.assert_array_equal(found, np.concatenate(given))
+    assert open_events(tmp_path / "labelled").contents["object ids"] == "of 80 events"
+    assert open_recording(folder).event_ids is None
+    with pytest.raises(ValueError, match="1 ids of 50"), RecordingWriter(tmp_path / "b", camera) as writer:
+        writer.write(*pieces[0], event_ids=np.zeros(1, np.uint8))
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(79, np.uint8), np.zeros((80, 1), np.uint8), np.zeros(80), np.array([{}])])
+def test_ids_that_do_not_fit_the_events_are_refused(folder, wrong):
+    np.save(folder / "dataset_events_id.npy", wrong)
+    with pytest.raises(BadFile, match="dataset_events_id"):
+        _ = open_recording(folder).event_ids
+
+
 @pytest.fixture
 def imu():
     rng = np.random.default_rng(5)
@@ -75,6 +96,7 @@ def imu():
 def test_what_the_imu_says_is_read_back_without_a_pickle(tmp_path, folder, camera, pieces, imu):
     with RecordingWriter(tmp_path / "moved", camera, imu=imu) as writer:
         writer.write(*pieces[0])
+    assert open_events(tmp_path / "moved").contents["IMU"] == "75 samples"
     read = open_recording(tmp_path / "moved").imu
     assert len(read) == 75
     assert read.t_us.dtype == np.int64

@@ -13,6 +13,8 @@ from evimo.events.io import open_events
 from evimo.recordings.recording import open_recording
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 
+ELSEWHERE = ("sim_facts", "sim_clutter", "sim_event_ids")  # files of their own in a folder
+
 
 def made(out, layout):
     plan = DatasetPlan(
@@ -68,14 +70,15 @@ def test_the_truth_is_the_same(folder, stored):
         np.testing.assert_array_equal(recording.clutter_bodies(k), stored["sim_clutter"][k])
     with np.load(folder / "dataset_sim.npz", allow_pickle=False) as sim:
         assert sorted(f"sim_{name}" for name in sim) == sorted(
-            name
-            for name in stored
-            if name.startswith("sim_") and name not in ("sim_facts", "sim_clutter") and "imu" not in name
+            name for name in stored if name.startswith("sim_") and name not in ELSEWHERE and "imu" not in name
         )
         for name, values in sim.items():
             np.testing.assert_array_equal(values, stored[f"sim_{name}"])
     for name, values in recording.imu.arrays().items():
         np.testing.assert_array_equal(values, stored[f"sim_imu_{name}"])
+    np.testing.assert_array_equal(recording.event_ids, stored["sim_event_ids"])
+    assert set(stored["sim_event_ids"].tolist()) <= {0, 1, 2, 3}
+    assert (stored["sim_event_ids"] > 0).sum() > 20
     assert json.loads(stored["sim_facts"].item()) == json.loads(json.dumps(recording.meta))
 
 

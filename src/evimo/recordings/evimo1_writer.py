@@ -23,6 +23,7 @@ from evimo.recordings.pose_track import PoseSource, PoseTrack
 from evimo.recordings.pose_words import frame_words, in_v1_axes, trajectory_words
 from evimo.recordings.stored import (
     Arrays,
+    checked_ids,
     exact_motions,
     exact_poses,
     member,
@@ -35,7 +36,7 @@ from evimo.recordings.truth import Truth
 
 FORMAT = 1
 STEP_US = 10_000  # of the table `index`
-GROWING = {"events": "<f8", "depth": "<u2", "mask": "<u2", "sim_clutter": "|u1"}
+GROWING = {"events": "<f8", "depth": "<u2", "mask": "<u2", "sim_clutter": "|u1", "sim_event_ids": "|u1"}
 
 
 class Evimo1Writer:
@@ -71,6 +72,7 @@ class Evimo1Writer:
         self.workplace = path.with_name(f".{path.name}.unfinished")
         self.truths: list[Truth] = []
         self.index = TimeIndex()
+        self._labelled = False
 
     def __enter__(self) -> "Evimo1Writer":
         shutil.rmtree(self.workplace, ignore_errors=True)
@@ -89,8 +91,21 @@ class Evimo1Writer:
         finally:
             shutil.rmtree(self.workplace, ignore_errors=True)
 
-    def write(self, events: Events, truth: Truth, *, clutter_bodies: NDArray[np.uint8] | None = None) -> None:
-        """Append the events of one slice and the truth of one instant; `clutter_bodies` (H, W) numbers them."""
+    def write(
+        self,
+        events: Events,
+        truth: Truth,
+        *,
+        clutter_bodies: NDArray[np.uint8] | None = None,
+        event_ids: NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Append the events of one slice and the truth of one instant.
+
+        clutter_bodies: (H, W), numbers them. event_ids: (N,) of what each event's pixel saw; with every slice or none.
+        """
+        if event_ids is not None:
+            self._labelled = True
+            self._append("sim_event_ids", checked_ids(event_ids, events))
         rows = np.stack((events.t * 1e-6, events.x, events.y, events.p > 0), axis=1)
         self._append("events", rows)
         self.index.add(events.t)
@@ -111,6 +126,8 @@ class Evimo1Writer:
         exact |= {f"imu_{name}": values for name, values in self.imu.arrays().items()} if self.imu else {}
         with zipfile.ZipFile(target, "w") as archive:
             self._move_in(archive, "events", (self.index.events, 4))
+            if self._labelled:
+                self._move_in(archive, "sim_event_ids", (self.index.events,))
             save_arrays(archive, self._small_arrays())
             for name in ("depth", "mask", "sim_clutter"):
                 self._move_in(archive, name, maps)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
 from evimo.events.io.event_file import EventFile
-from evimo.events.io.evimo2 import open_evimo2
+from evimo.events.io.evimo2 import mapped, open_evimo2
 from evimo.geometry.camera import Camera
 from evimo.recordings.facts import DAMAGED, facts_of
 from evimo.recordings.imu import IMU_ARRAYS, Imu
@@ -41,6 +41,23 @@ class Recording:
     def events(self) -> EventFile:
         """The events, memory-mapped: packets in constant memory."""
         return open_evimo2(self.path)
+
+    @cached_property
+    def event_ids(self) -> NDArray[np.uint8] | None:
+        """What each event's pixel saw at the event's own time, (N,) memory-mapped, in the file's order; 0 is static.
+
+        None where the recording has none.
+
+        Raises:
+            BadFile: they are damaged, or not as many as the events.
+        """
+        path, times = (self.path / f"dataset_events_{name}.npy" for name in ("id", "t"))
+        if not path.exists():
+            return None
+        ids, events = mapped(path), len(mapped(times))
+        if ids.dtype != np.uint8 or ids.shape != (events,):
+            raise BadFile(f"{path.name} of {self.path} is {ids.dtype} {ids.shape} of {events:,} events", fix=DAMAGED)
+        return ids
 
     @cached_property
     def imu(self) -> Imu | None:

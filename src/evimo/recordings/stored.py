@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.events.events import Events
 from evimo.events.slices import SLICE_US
 from evimo.recordings.pose_track import PoseSource, PoseTrack
 from evimo.recordings.truth import Truth
@@ -21,6 +22,13 @@ def stored_maps(truth: Truth, clutter_bodies: NDArray[np.uint8] | None = None) -
     depth = np.where(truth.valid, np.rint(truth.depth * 1000), 0).clip(0, 65535).astype(np.uint16)
     bodies = truth.clutter.astype(np.uint8) if clutter_bodies is None else clutter_bodies
     return {"depth": depth, "mask": truth.ids.astype(np.uint16) * 1000, "clutter": bodies}
+
+
+def checked_ids(event_ids: NDArray[np.uint8], events: Events) -> NDArray[np.uint8]:
+    """Ids, one for each event."""
+    if len(event_ids) != len(events):
+        raise ValueError(f"{len(event_ids)} ids of {len(events)} events")
+    return np.ascontiguousarray(event_ids, np.uint8)
 
 
 def without_maps(truth: Truth) -> Truth:

@@ -17,10 +17,20 @@ from evimo.geometry.camera import Camera
 from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseSource
 from evimo.recordings.pose_words import frame_words
-from evimo.recordings.stored import exact_motions, exact_poses, save_arrays, stored_maps, tracks, without_maps
+from evimo.recordings.stored import (
+    checked_ids,
+    exact_motions,
+    exact_poses,
+    save_arrays,
+    stored_maps,
+    tracks,
+    without_maps,
+)
 from evimo.recordings.truth import Truth
 
 ARRAYS = {"t": ("<f8", 1), "xy": ("<u2", 2), "p": ("|u1", 1)}
+IDS = "id"  # of what each event's pixel saw; where the writer is told
+KINDS = ARRAYS | {IDS: ("|u1", 1)}
 MAPS = ("depth", "mask", "clutter")
 FORMAT = 1
 
@@ -76,8 +86,22 @@ class RecordingWriter:
         finally:
             shutil.rmtree(self.unfinished, ignore_errors=True)
 
-    def write(self, events: Events, truth: Truth, *, clutter_bodies: NDArray[np.uint8] | None = None) -> None:
-        """Append the events of one slice and the truth of one instant; `clutter_bodies` (H, W) numbers them."""
+    def write(
+        self,
+        events: Events,
+        truth: Truth,
+        *,
+        clutter_bodies: NDArray[np.uint8] | None = None,
+        event_ids: NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Append the events of one slice and the truth of one instant.
+
+        clutter_bodies: (H, W), numbers them. event_ids: (N,) of what each event's pixel saw; with every slice or none.
+        """
+        if event_ids is not None:
+            if not self.truths:
+                self._arrays[IDS] = self._begun(IDS)
+            self._arrays[IDS].write(checked_ids(event_ids, events).tobytes())
         self.events += len(events)
         self._arrays["t"].write((events.t * 1e-6).astype("<f8").tobytes())
         self._arrays["xy"].write(np.stack((events.x, events.y), axis=1).astype("<u2").tobytes())
@@ -121,7 +145,7 @@ class RecordingWriter:
 
 def _write_header(file: BinaryIO, name: str, rows: int) -> None:
     """NumPy pads headers so that the first axis can grow in place."""
-    kind, columns = ARRAYS[name]
+    kind, columns = KINDS[name]
     shape = (rows,) if columns == 1 else (rows, columns)
     header = {"descr": kind, "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)

@@ -8,8 +8,6 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from evimo.errors import BadInput
 from evimo.events.events import Events
 from evimo.events.io import open_events
@@ -134,7 +132,7 @@ def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:
         )
         with _writer(plan, recording, path) as writer:
             for piece in recording:
-                writer.write(piece.events, piece.truth, clutter_bodies=piece.clutter.astype(np.uint8))
+                writer.write(piece.events, piece.truth, clutter_bodies=piece.clutter, event_ids=piece.event_ids)
     alone = plan.events_file(out, seed)
     if alone is not None and not alone.exists():
         save_events(_recorded(path), alone, size=plan.pixels)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadInput
-from evimo.events.events import Events, joined
+from evimo.events.events import Events
 from evimo.events.slices import SLICE_US
 from evimo.geometry.camera import Camera
 from evimo.recordings.imu import Imu
@@ -21,6 +21,7 @@ from evimo.scene.renderer import Renderer
 from evimo.scene.textures import texture_bank
 from evimo.simulate.cameras import draw_camera
 from evimo.simulate.imu import ImuSettings, measured
+from evimo.simulate.labelled_events import LabelledEvents, ids_of
 from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.poses import scene_poses
 from evimo.simulate.sensor import SensorSettings, draw_sensor, known_sensor
@@ -44,11 +45,25 @@ IMU = ImuSettings()
 
 @dataclass(frozen=True, slots=True)
 class SimulatedSlice:
-    """Events with k·25 ms <= t < (k+1)·25 ms, and the truth at the middle."""
+    """Events with k·25 ms <= t < (k+1)·25 ms, and the truth at the middle.
+
+    clutter:   (H, W), which static body drawn like the movers is seen, 0 is none.
+    event_ids: (N,) id of what each event's pixel saw at the event's own time, 0 is static.
+    """
 
     events: Events
     truth: Truth
     clutter: NDArray[np.uint8]
+    event_ids: NDArray[np.uint8]
+
+    def of(self, labelled: LabelledEvents) -> "SimulatedSlice":
+        """The same truth with other events."""
+        return replace(self, events=labelled.events, event_ids=labelled.ids)
+
+    @property
+    def labelled(self) -> LabelledEvents:
+        """The events with their ids."""
+        return LabelledEvents(self.events, self.event_ids)
 
 
 @dataclass(frozen=True)
@@ -79,18 +94,18 @@ class SimulatedRecording:
         """Film it: constant memory, whatever the length."""
         rng = np.random.default_rng((self.seed, self.set_number, EVENT_STREAM))
         film = _Film(Renderer(self.scene, self.camera), self.settings, rng)
-        waiting, held = film.run(-WARM_UP_S, 0.0).events, None
+        waiting, held = film.run(-WARM_UP_S, 0.0).labelled, None
         for index in range(self.slices):
             newest = film.run(index * SLICE_S, (index + 1) * SLICE_S)
-            waiting = _in_order(joined([waiting, newest.events]))  # jitter mixes neighbouring slices
+            waiting = waiting.merged(newest.labelled)  # jitter mixes neighbouring slices
             if held:
                 start_us, stop_us = (index - 1) * SLICE_US, index * SLICE_US
-                yield replace(held, events=waiting.between(start_us, stop_us))
+                yield held.of(waiting.between(start_us, stop_us))
                 waiting = waiting.between(stop_us, LAST_US)
             held = newest
         if held:
             stop_us = self.slices * SLICE_US
-            yield replace(held, events=waiting.between(stop_us - SLICE_US, stop_us))
+            yield held.of(waiting.between(stop_us - SLICE_US, stop_us))
 
     def poses(self, times_us: NDArray[np.int64]) -> PoseTrack:
         """Where the camera and the movers are at times (M,)."""
@@ -200,10 +215,12 @@ class _Film:
         self.last = self.renderer.film(time_s, strides, self.last)
         image = np.concatenate((self.blurred, blurred(self.last.image[1:], self.settings.blur_px)))
         self.blurred = image[-1:]
-        events = _on_clock(self.pixels.events(image, time_s), self.settings.tick_us)
+        events = self.pixels.events(image, time_s)
+        ids = ids_of(events, self.renderer, self.last, time_s=time_s, strides=strides)
         seen = self.last.seen(2 * quarters)
         clutter = np.where(seen[1] >= 0, self.renderer.packed.clutter[np.maximum(seen[1], 0)], 0)
-        return SimulatedSlice(events, self.renderer.truth(round(middle_s * 1e6), seen), clutter.astype(np.uint8))
+        truth = self.renderer.truth(round(middle_s * 1e6), seen)
+        return SimulatedSlice(_on_clock(events, self.settings.tick_us), truth, clutter.astype(np.uint8), ids)
 
     def _steps(self, time_s: float, seconds: float) -> tuple[int, NDArray[np.int32]]:
         """A quarter of the number of steps, for the image motion at this time; and each tile's stride, 1, 2 or more."""
@@ -219,8 +236,3 @@ class _Film:
 
 def _on_clock(events: Events, tick_us: int) -> Events:
     return events if tick_us == 1 else replace(events, t=events.t // tick_us * tick_us)
-
-
-def _in_order(events: Events) -> Events:
-    order = np.argsort(events.t, kind="stable")
-    return Events(events.x[order], events.y[order], events.t[order], events.p[order])

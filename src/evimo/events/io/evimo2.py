@@ -65,7 +65,7 @@ def _as_us(seconds: NDArray[Any]) -> NDArray[np.int64]:
 
 def _arrays(folder: Path) -> dict[str, NDArray[Any]]:
     """The three arrays as maps of the files, cut to the shortest."""
-    arrays = {name: _mapped(folder / f"dataset_events_{name}.npy") for name in ("t", "xy", "p")}
+    arrays = {name: mapped(folder / f"dataset_events_{name}.npy") for name in ("t", "xy", "p")}
     if arrays["t"].dtype.kind != "f" or arrays["xy"].shape[1:] != (2,):
         kinds = ", ".join(f"{name} {array.dtype} {array.shape}" for name, array in arrays.items())
         raise BadFile(f"{folder}: unexpected arrays ({kinds})", fix="t (N,) float seconds, xy (N, 2), p (N,)")
@@ -79,8 +79,12 @@ def _arrays(folder: Path) -> dict[str, NDArray[Any]]:
     return {name: array[:shortest] for name, array in arrays.items()}
 
 
-def _mapped(path: Path) -> NDArray[Any]:
-    """The rows of an array that are really there, mapped."""
+def mapped(path: Path) -> NDArray[Any]:
+    """The rows of an array file that are really there, mapped; nothing is unpickled.
+
+    Raises:
+        BadFile: no such file, or no array of numbers.
+    """
     if not path.exists():
         raise BadFile(f"{path.parent} lacks {path.name}", fix="copy the whole folder of the recording")
     with path.open("rb") as file:
@@ -147,6 +151,10 @@ def _contents(folder: Path) -> dict[str, str]:
             contents[words] = str(sum(member.startswith(name) for member in Archive(path).names))
     if (folder / "dataset_sim.npz").exists():
         contents["truth"] = "exact twists of a simulation"
+    if (folder / "dataset_events_id.npy").exists():
+        contents["object ids"] = f"of {len(mapped(folder / 'dataset_events_id.npy')):,} events"
+    if (imu := folder / "dataset_imu.npz").exists():
+        contents["IMU"] = f"{Archive(imu).header('t_us').shape[0]:,} samples"
     if (folder / "dataset_info.npz").exists():
         contents["meta"] = "poses and IMU, pickled: not opened"
     return contents
