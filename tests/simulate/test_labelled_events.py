@@ -19,16 +19,16 @@ SPEED_M_S = 3.0  # at 2 m: 90 px/s, so that a slice's centre is 1.1 px from its 
 
 @pytest.fixture(scope="module")
 def recording():
-    """A disc that flies past a wall, seen by a camera at rest."""
+    """A dark disc that flies past a bright wall, seen by a camera at rest."""
     bank = texture_bank(7, plain=2, dense=10)
 
-    def part(shape, half, position, texture, **how):
-        surface = Surface(texture, 0.5, (0.1, 0.2), 0.05, 0.9)
+    def part(shape, half, position, grey, **how):
+        surface = Surface(0, 0.5, (0.1, 0.2), grey, grey)  # nothing but its edges fires
         return Part(shape, np.array(half), np.array(position, float), np.eye(3), surface, **how)
 
-    room = Body((part(BOX, (4.0, 4.0, 4.0), (0, 0, 0), 3, inside=True),))
+    room = Body((part(BOX, (4.0, 4.0, 4.0), (0, 0, 0), 0.9, inside=True),))
     way = Motion(np.array([-0.4, 0, 2.0]), np.eye(3), (lambda t: (np.outer(t, [SPEED_M_S, 0, 0]), _steady(t)),))
-    disc = Body((part(CYLINDER, (0.4, 0.4, 0.02), (0, 0, 0), 5),), way)
+    disc = Body((part(CYLINDER, (0.4, 0.4, 0.02), (0, 0, 0), 0.1),), way)
     scene = Scene((room, disc), Motion(np.zeros(3), np.eye(3)), np.array([0, 0, -1.0]), 0.5, bank)
     settings = SensorSettings(shot_hz=4.0, jitter_s=50e-6)
     return SimulatedRecording(3, 1, 0.1, CAMERA, scene, settings, 1)
