@@ -14,6 +14,7 @@ BAND = 8  # rows
 NEVER = 1e30
 
 _jit = numba.njit(nogil=True, error_model="numpy", cache=True)
+_inlined = numba.njit(nogil=True, error_model="numpy", cache=True, inline="always")
 _parallel = numba.njit(nogil=True, error_model="numpy", cache=True, parallel=True)
 
 
@@ -33,27 +34,41 @@ def _normal(state, i):
     return math.sqrt(-2 * math.log(uniform(state, i))) * math.cos(2 * math.pi * uniform(state, i))
 
 
-@_jit
-def _record(out, band, count, sign, i, when, jitter, random):
-    """Write one event where there is room left; returns the new count either way."""
-    if count < out.t.shape[1]:
-        if jitter > 0.0:
-            when += jitter * _normal(random, i)
-        out.t[band, count], out.pixel[band, count], out.p[band, count] = round(when * 1e6), i, sign
-    return count + 1
+@_inlined
+def low_passed(old, before, after, lag, decay):
+    """The photoreceptor's output, `old` one frame ago, after its input went in a straight line from before to after."""
+    behind = (after - before) * lag
+    return after - behind + (old - before + behind) * decay
 
 
-@_jit
-def _eventful(i, step, pixels, settings, out, place):
-    """One step [start, stop) of a pixel in which something may happen.
+@_inlined
+def begin_step(i, interval, level, pixels):
+    """Bring pixel i to a level in a straight line over an interval (start, stop), if surely nothing happens in it.
 
-    step: start, stop, slope of (signal - reference). place: band, count so far. Returns the new count.
+    Returns:
+        Slope of level minus reference, 1/s, and whether that was all. If not, ask `next_event`.
     """
-    start, stop, slope = step
-    band, count = place
+    start, stop = interval
+    step = stop - start
+    slope = (level - pixels.level[i]) / step + pixels.leak[i] * pixels.on[i]
+    gap = pixels.gap[i] + slope * step
+    pixels.level[i] = level
+    calm = pixels.blind[i] <= start and pixels.noise[i] > stop and gap < pixels.on[i] and gap > -pixels.off[i]
+    if calm:
+        pixels.gap[i] = gap
+    return slope, calm
+
+
+@_jit
+def next_event(i, interval, slope, pixels, settings):
+    """The next event of pixel i in an interval that begins where the last one stopped or the last event was.
+
+    Returns:
+        When it happens, s; its time stamp, µs, with jitter; its polarity, 0 if there is none: the state is at `stop`.
+    """
+    now, stop = interval
     on, off, rate = pixels.on[i], pixels.off[i], pixels.shot[i]
     gap, blind, noise = pixels.gap[i], pixels.blind[i], pixels.noise[i]
-    now = start
     while True:
         if blind > now:
             gap = 0.0  # the reference is taken anew at the end of the dead time
@@ -76,12 +91,12 @@ def _eventful(i, step, pixels, settings, out, place):
         elif due > stop:
             gap += slope * (stop - now)
             break
-        count = _record(out, band, count, sign, i, due, jitter, pixels.random)
-        now, gap = due, 0.0
-        if settings.refractory > 0.0:
-            blind = due + settings.refractory
+        stamp = due + jitter * _normal(pixels.random, i) if jitter > 0.0 else due
+        blind = due + settings.refractory if settings.refractory > 0.0 else blind
+        pixels.gap[i], pixels.blind[i], pixels.noise[i] = 0.0, blind, noise
+        return due, round(stamp * 1e6), sign
     pixels.gap[i], pixels.blind[i], pixels.noise[i] = gap, blind, noise
-    return count
+    return stop, 0, 0
 
 
 @_jit
@@ -89,25 +104,22 @@ def _band(band, time_s, signal, lag, decay, pixels, settings, out):
     """All frames of one band of pixels; returns the number of events."""
     per_band = BAND * settings.width
     first, last = band * per_band, min(signal.shape[1], (band + 1) * per_band)
-    count = 0
+    count, room = 0, out.t.shape[1]
     for f in range(1, len(signal)):
         start, stop = time_s[f - 1], time_s[f]
-        step = stop - start
         for i in range(first, last):
-            before, after = np.float64(signal[f - 1, i]), np.float64(signal[f, i])
-            old = pixels.level[i]
-            new = after
+            level = np.float64(signal[f, i])
             if settings.lagging:
-                behind = (after - before) * lag[f, i]
-                new = after - behind + (old - before + behind) * decay[f, i]
-            slope = (new - old) / step + pixels.leak[i] * pixels.on[i]
-            gap = pixels.gap[i] + slope * step
-            calm = pixels.blind[i] <= start and pixels.noise[i] > stop
-            if calm and gap < pixels.on[i] and gap > -pixels.off[i]:
-                pixels.gap[i] = gap
-            else:
-                count = _eventful(i, (start, stop, slope), pixels, settings, out, (band, count))
-            pixels.level[i] = new
+                level = low_passed(pixels.level[i], np.float64(signal[f - 1, i]), level, lag[f, i], decay[f, i])
+            slope, calm = begin_step(i, (start, stop), level, pixels)
+            if calm:
+                continue
+            now, stamp, sign = next_event(i, (start, stop), slope, pixels, settings)
+            while sign != 0:
+                if count < room:
+                    out.t[band, count], out.pixel[band, count], out.p[band, count] = stamp, i, sign
+                count += 1
+                now, stamp, sign = next_event(i, (now, stop), slope, pixels, settings)
     return count
 
 
