@@ -11,7 +11,8 @@ from evimo.scene.mesh_trees import corner_normals, escapes, grow
 F4 = NDArray[np.float32]
 I4 = NDArray[np.int32]
 F8 = NDArray[np.float64]
-Triangles = tuple[F8, NDArray[np.int64]]
+I8 = NDArray[np.int64]
+Triangles = tuple[F8, I8]
 """Vertices (V, 3) in any unit, and triangles (T, 3) of their indices."""
 
 CREASE = 0.77  # cosine of 40 degrees: normals of triangles that differ more do not mix
@@ -65,20 +66,27 @@ def mesh_bank(meshes: Sequence[Triangles]) -> MeshBank:
     return MeshBank(*(np.concatenate(each, axis=1 if name == "misses" else 0) for name, each in columns))
 
 
-def _single(vertices: F8, faces: NDArray[np.int64]) -> MeshBank:
-    used = vertices[faces.ravel()]
-    if not len(used):
+def areas(vertices: F8, triangles: I8) -> F8:
+    """Twice the areas of triangles (T, 3) of vertices (V, 3)."""
+    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def _single(vertices: F8, faces: I8) -> MeshBank:
+    if not len(faces):
         raise ValueError("a mesh without triangles")
+    used, faces = np.unique(vertices[faces.ravel()], axis=0, return_inverse=True)
+    faces = faces.reshape(-1, 3)  # where corners meet they are one vertex, whatever the file says
     low, high = used.min(axis=0), used.max(axis=0)
     scale = (high - low).max() / 2
-    unit = ((vertices - (low + high) / 2) / (scale or 1.0)).astype(np.float32)
+    unit = ((used - (low + high) / 2) / (scale or 1.0)).astype(np.float32)
     corners = unit[faces].reshape(-1, 9)
     first, second = corners[:, 3:6] - corners[:, :3], corners[:, 6:] - corners[:, :3]
     solid = np.linalg.norm(np.cross(first, second), axis=1) > 0
     if not solid.any():
         raise ValueError("no triangle of the mesh has an area")
     corners, faces = np.ascontiguousarray(corners[solid]), faces[solid]
-    normals = corner_normals(corners, faces.astype(np.int64), len(vertices), CREASE)
+    normals = corner_normals(corners, faces, len(used), CREASE)
     three = corners.reshape(-1, 3, 3)
     boxes, nodes, order = grow(np.concatenate((three.min(axis=1), three.max(axis=1)), axis=1))
     extent = ((high - low) / 2 / scale).astype(np.float32)
