@@ -51,7 +51,7 @@ def test_parts_share_no_family_of_shapes(scenes):
 
 def test_both_parts_have_small_and_large_compounds(scenes):
     for drawn in scenes.values():
-        assert {sum(found) for found in families(drawn)} == {1, 2, 3, 4, 5}
+        assert {sum(found) for found in families(drawn)} >= {1, 2, 3, 4, 5}
 
 
 def test_banks_of_a_pool_are_not_those_without_one():

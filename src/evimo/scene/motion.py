@@ -108,6 +108,20 @@ class Rest:
         return self.ramp_s * (x**3 - 0.5 * x**4 + np.maximum(since - 1, 0)), 3 * x**2 - 2 * x**3
 
 
+@dataclass(frozen=True, slots=True)
+class Pauses:
+    """Several rests that do not overlap, ramps included."""
+
+    rests: tuple[Rest, ...]
+
+    def clock(self, time_s: F8) -> tuple[F8, F8]:
+        """The body's own time and its pace, as `Rest.clock`."""
+        each = [rest.clock(time_s) for rest in self.rests]
+        lost = sum((time_s - own for own, _ in each), np.zeros_like(time_s))
+        stopped = sum((1 - pace for _, pace in each), np.zeros_like(time_s))
+        return time_s - lost, 1 - stopped
+
+
 class Poses(NamedTuple):
     """Where a body is at T times, and how it moves.
 
@@ -134,7 +148,7 @@ class Motion:
     rotation: F8
     moves: Sequence[Curve] = ()
     turns: Curve | None = None
-    rest: Rest | None = None
+    rest: Rest | Pauses | None = None
 
     def at(self, time_s: F8) -> Poses:
         """Poses at times (T,) in s."""

@@ -58,7 +58,7 @@ def _plain(rng: np.random.Generator) -> F8:
 
 
 def _gradient(rng: np.random.Generator) -> F8:
-    return 0.5 + rng.uniform(0.1, 0.6) * (_blurred(_noise(rng, 4.0), rng.uniform(12, 32)) - 0.5)
+    return 0.5 + rng.uniform(0.03, 0.25) * (_blurred(_noise(rng, 4.0), rng.uniform(12, 32)) - 0.5)
 
 
 def _fractal(rng: np.random.Generator) -> F8:

@@ -1,11 +1,10 @@
 """The five kinds of rooms of EV-IMO's sets: boxes, floor, wall, table, tabletop."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, Body, Part
+from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING
+from evimo.scene.furniture import Room, add_chair, hang_on_walls, lay_floor_details, lean_ladder
 from evimo.scene.motion import turned
 from evimo.scene.paint import Paint
 
@@ -18,48 +17,29 @@ ELEVATION: dict[str, Range] = {  # of the camera above what it looks at, rad
     "table": (0.3, 0.8),
     "tabletop": (0.3, 0.9),
 }
-
-
-@dataclass(slots=True)
-class Room:
-    """A room while it is being furnished.
-
-    half:    (3,) half sizes, m; the floor's middle is the origin, z is up, the far wall is at +y.
-    focus:   (3,) what the camera looks at. support: height of what things stand on there, m.
-    """
-
-    rng: np.random.Generator
-    paint: Paint
-    half: F8
-    focus: F8 = field(default_factory=lambda: np.zeros(3))
-    support: float = 0.0
-    parts: list[Part] = field(default_factory=list)
-
-    def add(self, shape: int, position: tuple[float, ...] | F8, half: tuple[float, ...] | F8, **how: object) -> None:
-        """A part at `position` with half sizes `half`; `how`: rotation, plain (share), and fields of Part."""
-        plain, rotation = how.pop("plain", None), how.pop("rotation", np.eye(3))
-        surface = self.paint.surface(self.rng, plain=plain)  # type: ignore[arg-type]
-        where, size = np.asarray(position, np.float64), np.asarray(half, np.float64)
-        self.parts.append(Part(shape, size, where, rotation, surface, **how))  # type: ignore[arg-type]
-
-    def within(self, share: float, axis: int) -> float:
-        """A coordinate within this share of the room."""
-        return float(self.rng.uniform(-share, share) * self.half[axis])
-
-    def body(self) -> Body:
-        """The furnished room."""
-        return Body(tuple(self.parts))
+CHAIRS = {"boxes": 0.25, "floor": 0.15, "wall": 0.2, "table": 0.5, "tabletop": 0.3}  # share of rooms with one or two
+LADDER = 0.1
+PLAIN_WALLS, BUSY_BELOW = (
+    0.75,
+    0.15,
+)  # share of plain walls, where the room is not busy: where so few surfaces are plain
 
 
 def furnished(rng: np.random.Generator, kind: str, paint: Paint) -> Room:
     """A room of one kind."""
     half = np.array([rng.uniform(2.5, 5), rng.uniform(2.5, 5), rng.uniform(2.3, 3.2)]) / 2
     room = Room(rng, paint, half)
-    room.add(BOX, (0, 0, half[2]), half, inside=True, plain=0.8 if kind == "wall" and rng.random() < 0.6 else None)
+    calm = PLAIN_WALLS if paint.plain > BUSY_BELOW or (kind == "wall" and rng.random() < 0.6) else None
+    room.add(BOX, (0, 0, half[2]), half, inside=True, plain=calm)
     room.add(BOX, (0, 0, -0.01), (half[0], half[1], 0.012))
     _KINDS[kind](room)
-    if rng.random() < 0.5:
-        _floor_details(room)
+    if rng.random() < 0.6:
+        lay_floor_details(room)
+    if rng.random() < CHAIRS[kind]:
+        for _ in range(int(rng.integers(1, 3))):
+            add_chair(room, np.array([room.within(0.7, 0), rng.uniform(-0.1, 0.8) * half[1]]))
+    if rng.random() < LADDER:
+        lean_ladder(room)
     return room
 
 
@@ -74,6 +54,7 @@ def _boxes(room: Room) -> None:
             half,
             rotation=turned(rng.uniform(0, 6.3)),
         )
+    hang_on_walls(room, 3)
     room.focus = np.array([room.within(0.3, 0), room.half[1] * 0.7, 0.5])
 
 
@@ -83,14 +64,17 @@ def _table(room: Room, items: tuple[int, int] = (0, 5)) -> None:
     top = np.array([rng.uniform(0.4, 0.9), rng.uniform(0.3, 0.6), 0.02])
     middle = np.array([room.within(0.2, 0), room.half[1] * rng.uniform(0.2, 0.6), room.support])
     room.add(BOX, middle, top)
+    wood = room.paint.surface(rng, plain=0.8)
+    thick = float(rng.uniform(0.012, 0.035))
     for x in (-0.9, 0.9):
         for y in (-0.9, 0.9):
             leg = (middle[0] + x * top[0], middle[1] + y * top[1], room.support / 2)
-            room.add(CYLINDER, leg, (0.03, 0.03, room.support / 2), plain=0.7)
+            room.add(CYLINDER, leg, (thick, thick, room.support / 2), surface=wood)
     for _ in range(int(rng.integers(*items))):
         half = rng.uniform(0.02, 0.13, 3)
         at = (*(middle[:2] + rng.uniform(-0.85, 0.85, 2) * top[:2]), room.support + 0.02 + half[2])
         room.add(int(rng.choice([BOX, ELLIPSOID, CYLINDER])), at, half, rotation=turned(rng.uniform(0, 6.3)))
+    hang_on_walls(room, 3)
     room.focus = middle + (0, 0, 0.1)
 
 
@@ -100,10 +84,8 @@ def _tabletop(room: Room) -> None:
 
 def _wall(room: Room) -> None:
     rng = room.rng
-    for _ in range(int(rng.integers(0, 5))):
-        at = (room.within(0.7, 0), room.half[1], rng.uniform(0.5, 2.0))
-        room.add(BOX, at, (rng.uniform(0.1, 0.5), 0.015, rng.uniform(0.1, 0.4)), plain=0.1)
-    if rng.random() < 0.2:  # a ladder or a rack against it
+    hang_on_walls(room, 4)
+    if rng.random() < 0.2:  # a rack or a grid against it
         pitch = (float(rng.uniform(0.5, 2)), float(rng.uniform(2, 8)), 0.1, 0.15)
         _net(room, (room.within(0.5, 0), room.half[1] - 0.1, 1.0), np.array([0.3, 1.0, 0.01]), pitch)
     room.focus = np.array([room.within(0.3, 0), room.half[1], rng.uniform(0.8, 1.6)])
@@ -116,21 +98,6 @@ def _floor(room: Room) -> None:
         at = (rng.uniform(-0.8, 0.8), rng.uniform(-0.2, 1.2), half[2])
         room.add(int(rng.choice([BOX, CYLINDER])), at, half, rotation=turned(rng.uniform(0, 6.3)))
     room.focus = np.array([0, 0.4, 0.0])
-
-
-def _floor_details(room: Room) -> None:
-    """A rug, tape and cables."""
-    rng = room.rng
-    if rng.random() < 0.5:
-        at = (room.within(0.3, 0), room.within(0.5, 1), 0.006)
-        room.add(BOX, at, (rng.uniform(0.3, 1.0), rng.uniform(0.3, 0.8), 0.003), rotation=turned(rng.uniform(0, 6.3)))
-    for _ in range(int(rng.integers(0, 4))):
-        at, along = (room.within(0.6, 0), room.within(0.8, 1), 0.008), turned(rng.uniform(0, 6.3))
-        if rng.random() < 0.5:
-            room.add(BOX, at, (rng.uniform(0.3, 1.0), rng.uniform(0.01, 0.03), 0.002), rotation=along, plain=1.0)
-        else:
-            lying = along @ np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]])
-            room.add(CYLINDER, at, (0.006, 0.006, rng.uniform(0.3, 1.0)), rotation=lying, plain=1.0)
 
 
 def net_in_front(room: Room, camera: F8, axes: F8) -> None:
