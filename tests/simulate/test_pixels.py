@@ -14,7 +14,10 @@ CLEAN = {
     "bandwidth_hz": 0.0,
     "floor": 0.0,
     "shot_hz": 0.0,
+    "shot_light": np.inf,
     "leak_hz": 0.0,
+    "patches": 0.0,
+    "spread": 0.0,
     "jitter_s": 0.0,
     "blur_px": 0.0,
 }
@@ -112,30 +115,61 @@ def quiet(number=20_000, seconds=5.0, frames=6, level=1e-9):
 
 def test_shot_noise_comes_at_its_rate_in_both_polarities():
     events = filmed(*quiet(), shot_hz=2.0)
-    assert len(events) / 20_000 / 5 == pytest.approx(2.0 * np.exp(0.3**2 / 2), rel=0.01)
+    assert len(events) / 20_000 / 5 == pytest.approx(2.0, rel=0.01)
     assert (events.p > 0).mean() == pytest.approx(0.5, abs=0.01)
     wait = np.diff(np.r_[0, events.t[events.x == 7]])
     assert len(wait) > 3
 
 
-def test_shot_noise_is_rarer_in_bright_pixels():
-    dark, bright = (len(filmed(*quiet(level=level), shot_hz=1.0)) for level in (1e-9, 0.6))
-    assert bright / dark == pytest.approx(0.25, rel=0.05)
+def test_light_thins_shot_noise():
+    light = np.array([1e-9, 0.05, 0.1, 0.6])
+    events = filmed(np.full((6, 20_000), np.log(np.repeat(light, 5000))), quiet()[1], shot_hz=4.0, shot_light=0.05)
+    assert np.bincount(events.x // 5000) / 5000 / 5 == pytest.approx(
+        [4, 4 / np.e, 4 / np.e**2, 0.0], rel=0.03, abs=1e-3
+    )
+
+
+def test_noise_follows_the_light():
+    """A pixel that gets dark becomes noisy, one that gets light calms down."""
+    signal = np.log([[0.6, 1e-3]] * 500 + [[1e-3, 0.6]] * 500)
+    image = np.exp(np.repeat(signal, 500, axis=1)).astype(np.float32)[:, None]
+    events = started(image[0], contrast=100.0, shot_hz=5.0, shot_light=0.05).events(image, np.linspace(0, 10, 1000))
+    noisy = np.histogram2d(events.t * 1e-6, events.x, bins=([0, 5, 10], [0, 500, 1000]))[0] / 500 / 5
+    np.testing.assert_allclose(noisy, [[0, 5 * np.exp(-0.02)], [5 * np.exp(-0.02), 0]], atol=0.15)
 
 
 def test_leakage_gives_on_events_at_its_rate():
-    events = filmed(*quiet(seconds=50.0), leak_hz=0.5)
+    events = filmed(*quiet(seconds=50.0), leak_hz=0.51)
     assert (events.p > 0).all()
-    assert len(events) / 20_000 / 50 == pytest.approx(0.5 * np.exp(0.25**2 / 2) - 0.5 / 50, rel=0.01)
+    assert len(events) == 20_000 * 25
 
 
-def test_hot_pixels_are_few_and_fire_often():
-    events = filmed(*quiet(), hot_share=0.01)
+def test_noise_is_uneven_with_a_tail_and_in_patches():
+    pixels = started(np.full((200, 300), 0.5), shot_hz=1.0, spread=0.4)
+    noisier = np.array([(pixels.state.shot > times).mean() for times in (1, 2, 8)])
+    assert noisier == pytest.approx(0.5 * np.array([1, 2, 8]) ** -2.5, rel=0.1)  # Laplace: a power law
+    cloudy = np.log(started(np.full((200, 300), 0.5), leak_hz=1.0, patches=0.5).state.leak.reshape(200, 300))
+    assert cloudy.std() == pytest.approx(0.5, rel=0.4)
+    assert np.abs(np.diff(cloudy)).max() < 0.05
+
+
+def test_hot_pixels_are_few_and_fire_up_to_nine_thousand_times_a_second():
+    events = filmed(*quiet(), hot_share=0.02)
     counts = np.bincount(events.x, minlength=20_000)
     hot = counts[counts > 0] / 5
-    assert len(hot) == pytest.approx(200, rel=0.2)
-    assert hot.min() > 5
-    assert hot.max() < 230
+    assert len(hot) == pytest.approx(400, rel=0.15)
+    assert np.quantile(hot, [0.05, 0.5, 0.95]) == pytest.approx(10 * 900 ** np.array([0.05, 0.5, 0.95]), rel=0.4)
+    assert 7000 < hot.max() < 9300
+    polarity = np.bincount(events.x, events.p > 0, minlength=20_000)[counts > 50] / counts[counts > 50]
+    one_sided = (polarity == 0).mean(), (polarity == 1).mean()
+    assert one_sided == pytest.approx((0.25, 0.25), abs=0.07)
+    assert np.median(polarity[(polarity > 0) & (polarity < 1)]) == pytest.approx(0.5, abs=0.05)
+
+
+def test_hot_pixels_are_held_back_by_the_refractory_period():
+    events = filmed(*quiet(seconds=1.0), hot_share=0.02, refractory_s=0.001)
+    assert 850 < np.bincount(events.x).max() < 1000
+    assert np.diff(np.sort(events.t[events.x == np.bincount(events.x).argmax()])).min() >= 999
 
 
 @pytest.mark.parametrize("refractory_s", [0.0005, 0.0015])
@@ -223,13 +257,17 @@ def test_events_are_sorted_and_rows_and_columns_are_not_mixed_up():
     assert (np.diff(events.t) > 0).all()
 
 
-def test_what_finds_no_room_is_counted():
+def test_many_events_find_room():
+    """270 events of each pixel, several times the room that there is at first."""
     time = np.linspace(0, 1, 3)
-    pixels = started(np.full((1, 8), 1e-6))
-    image = np.exp(np.outer([0, 1000.0, 0], np.ones(8)) * 0.08 - 40)[:, None].astype(np.float32)
-    events = pixels.events(image, time)
-    assert pixels.lost > 0
-    assert len(events) == pixels.room.t.shape[1]
+    signal = np.outer([0, 1000.0, 0], np.ones(8)) * 0.08 - 40
+    events = filmed(signal, time, contrast=0.3)
+    assert np.bincount(events.x).tolist() == [2 * int(80 / 0.3)] * 8
+    again = started(np.exp(signal[:1])[:, None][0], contrast=0.3, jitter_s=1e-4, shot_hz=3.0)
+    roomy = started(np.exp(signal[:1])[:, None][0], contrast=0.3, jitter_s=1e-4, shot_hz=3.0)
+    roomy.room = roomy.room_for(100_000)
+    image = np.exp(signal).astype(np.float32)[:, None]
+    np.testing.assert_array_equal(again.events(image, time).t, roomy.events(image, time).t)
 
 
 def test_blur_keeps_light_and_spreads_as_a_gaussian():

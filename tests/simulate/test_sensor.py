@@ -13,16 +13,17 @@ def drawn(name, *, dark=False, sensor="davis346"):
     return np.array([getattr(settings, name) for settings in draws])
 
 
-def test_thresholds_reach_what_others_found_to_transfer():
+def test_thresholds_are_those_of_real_cameras_and_what_others_found_to_transfer():
+    """0.34 and 0.42 (frames of both DAVIS346 clips against their events); others trained with 0.16 to 0.34."""
     contrast = drawn("contrast")
-    assert contrast.min() >= 0.15
-    assert contrast.max() <= 1
-    assert 0.05 < (contrast > 0.6).mean() < 0.15
+    assert 0.15 < contrast.min() < 0.2
+    assert 0.42 < contrast.max() < 0.5
 
 
 def test_normal_light_is_quiet_and_the_dark_is_not():
-    assert np.median(drawn("shot_hz")) < 0.1
-    assert np.median(drawn("shot_hz", dark=True)) > 1
+    grey = np.exp(-0.3 / drawn("shot_light"))  # of the noise is left
+    assert np.quantile(drawn("shot_hz") * grey, 0.9) < 0.03
+    assert np.median(drawn("shot_hz", dark=True) * np.exp(-0.3 / drawn("shot_light", dark=True))) > 1
     assert drawn("bandwidth_hz", dark=True).max() <= drawn("bandwidth_hz").min()
     assert (drawn("flicker_depth", dark=True) > 0).mean() == pytest.approx(0.5, abs=0.1)
     assert (drawn("flicker_depth") > 0).mean() < 0.15
@@ -59,14 +60,14 @@ def test_a_recording_without_size_has_the_sensors():
 def test_newer_sensors_have_thresholds_that_were_carried_over_to_real_ones(sensor):
     contrast = drawn("contrast", sensor=sensor)
     assert contrast.min() >= 0.16
-    assert np.quantile(contrast, 0.85) < 0.34
+    assert contrast.max() <= 0.34
 
 
 def test_pixels_differ_as_real_clips_of_each_sensor_do():
     wait = {sensor: np.mean(drawn("refractory_s", sensor=sensor)) for sensor in SENSORS}
     assert wait["dvxplorer"] < wait["gen4"] < wait["davis346"] < wait["davis240"]
     assert np.median(drawn("on_over_off", sensor="davis240")) > 1.2  # fewer ON events than OFF
-    assert np.median(drawn("on_over_off")) == pytest.approx(1, abs=0.05)
+    assert np.median(drawn("on_over_off")) == pytest.approx(0.9, abs=0.05)
     assert drawn("jitter_s", sensor="gen4").max() < drawn("jitter_s", sensor="dvxplorer").min()
 
 

@@ -82,7 +82,8 @@ def next_event(i, interval, slope, pixels, settings):
             due, sign = now + max(0.0, off + gap) / -slope, -1
         jitter = settings.jitter
         if noise < due and noise <= stop:
-            heard = noise >= now
+            darkness = math.exp(-pixels.fading[i] * math.exp(pixels.level[i]))
+            heard = noise >= now and uniform(pixels.random, i) < darkness
             if heard:
                 due, sign, jitter = noise, (1 if uniform(pixels.random, i) < 0.5 else -1), 0.0
             noise -= math.log(uniform(pixels.random, i)) / rate

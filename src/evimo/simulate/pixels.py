@@ -1,6 +1,7 @@
 """An array of event pixels: feed it frames, it gives events."""
 
 import math
+from copy import deepcopy
 from typing import NamedTuple
 
 import cv2
@@ -9,12 +10,14 @@ from numpy.typing import NDArray
 
 from evimo.events.events import Events
 from evimo.simulate.kernels import BAND, NEVER, events_of_frames, seeded
-from evimo.simulate.sensor import SHOT_DROP, WHITE, SensorSettings
+from evimo.simulate.sensor import WHITE, SensorSettings
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
-EVENTS_PER_PIXEL = 40  # room between two calls, on average over a band; what goes beyond is lost, and counted
+EVENTS_PER_PIXEL = 8  # room between two calls, on average over a band, until more is needed
 FLICKER_STEP_S = 0.0005
+CLOUDS = (4, 5)  # uneven places down and across the sensor
+COLDEST_HZ = 10  # of hot pixels
 
 
 class PixelState(NamedTuple):
@@ -22,6 +25,7 @@ class PixelState(NamedTuple):
 
     on, off: thresholds. leak, shot: Hz. level: low-passed signal. gap: level minus reference.
     blind: end of the dead time, s. noise: time of the next noise event, s. random: generator.
+    fading: irradiance I thins noise to exp(-fading · I).
     """
 
     on: F8
@@ -33,6 +37,7 @@ class PixelState(NamedTuple):
     blind: F8
     noise: F8
     random: NDArray[np.uint64]
+    fading: F8
 
 
 class KernelSettings(NamedTuple):
@@ -66,9 +71,8 @@ class Pixels:
         self.kernel = KernelSettings(
             first.shape[1], settings.refractory_s, settings.jitter_s, settings.bandwidth_hz > 0
         )
-        self.state = _state(settings, rng, number)
-        self.state.shot[:] *= 1 - SHOT_DROP * np.minimum(1, first.ravel() / WHITE)
-        self._draw_hot(rng)
+        self.state = _state(settings, rng, self.size)
+        _heat(self.state, settings, rng)
         light = self._lit(first[None], np.array([start_s]))
         self.state.level[:] = np.log(light + np.float32(settings.floor)).ravel()
         phase = rng.uniform(-1, 1, number)  # of the memorised level between the thresholds
@@ -76,18 +80,12 @@ class Pixels:
         with np.errstate(divide="ignore"):
             wait = -np.log(rng.random(number)) / self.state.shot
         self.state.noise[:] = np.where(self.state.shot > 0, start_s + wait, NEVER)
-        bands = math.ceil(first.shape[0] / BAND)
-        room = BAND * first.shape[1] * EVENTS_PER_PIXEL
-        self.room = EventRoom(
-            np.empty((bands, room), np.int64),
-            np.empty((bands, room), np.int32),
-            np.empty((bands, room), np.int8),
-        )
-        self.lost = 0
+        self.room = self.room_for(EVENTS_PER_PIXEL * BAND * first.shape[1])
 
-    def _draw_hot(self, rng: np.random.Generator) -> None:
-        hot = rng.random(len(self.state.shot)) < self.settings.hot_share
-        self.state.shot[hot] = np.exp(rng.uniform(math.log(10), math.log(200), hot.sum()))
+    def room_for(self, each: int) -> EventRoom:
+        """Empty, for so many events of each band."""
+        shape = (math.ceil(self.size[0] / BAND), each)
+        return EventRoom(np.empty(shape, np.int64), np.empty(shape, np.int32), np.empty(shape, np.int8))
 
     def events(self, image: F4, time_s: F8) -> Events:
         """Events from the first to the last of the frames (F, H, W), irradiance at times (F,); sorted by time.
@@ -103,13 +101,16 @@ class Pixels:
             steps = np.diff(time_s, prepend=time_s[0] - 1).astype(np.float32)
             pace = light * (steps * np.float32(slowest))[:, None]  # step / tau
             lag, decay = 1 / pace, np.exp(-pace)
-        fired = events_of_frames(time_s, np.log(light), lag, decay, self.state, self.kernel, self.room)
+        signal, before = np.log(light), deepcopy(self.state)
+        fired = events_of_frames(time_s, signal, lag, decay, self.state, self.kernel, self.room)
+        if fired.max() > self.room.t.shape[1]:  # once more, with room for all
+            self.room = self.room_for(int(1.5 * fired.max()))
+            self.state = before
+            fired = events_of_frames(time_s, signal, lag, decay, self.state, self.kernel, self.room)
         return self._gathered(fired)
 
     def _gathered(self, fired: NDArray[np.int64]) -> Events:
-        filled = np.minimum(fired, self.room.t.shape[1])
-        self.lost += int((fired - filled).sum())
-        t, pixel, p = (np.concatenate([row[:n] for row, n in zip(rows, filled, strict=True)]) for rows in self.room)
+        t, pixel, p = (np.concatenate([row[:n] for row, n in zip(rows, fired, strict=True)]) for rows in self.room)
         order = np.argsort(t, kind="stable")
         y, x = np.divmod(pixel[order], self.size[1])
         return Events(x.astype(np.uint16), y.astype(np.uint16), t[order], p[order])
@@ -141,15 +142,30 @@ def blurred(image: F4, sigma_px: float) -> F4:
     return np.stack([cv2.GaussianBlur(frame, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE) for frame in image])
 
 
-def _state(settings: SensorSettings, rng: np.random.Generator, number: int) -> PixelState:
-    ratio = math.sqrt(settings.on_over_off)
+def _state(settings: SensorSettings, rng: np.random.Generator, size: tuple[int, int]) -> PixelState:
+    number, ratio = size[0] * size[1], math.sqrt(settings.on_over_off)
     on, off = (
         np.maximum(0.02, settings.contrast * side * (1 + settings.mismatch * rng.normal(size=number)))
         for side in (ratio, 1 / ratio)
     )
-    leak = settings.leak_hz * np.exp(rng.normal(size=number) * 0.25)
-    shot = settings.shot_hz * np.exp(rng.normal(size=number) * 0.3)
+    leak, shot = (rate * _uneven(settings, rng, size) for rate in (settings.leak_hz, settings.shot_hz))
     level, gap, blind, noise = (np.zeros(number) for _ in range(4))
     blind -= NEVER
     random = seeded(int(rng.integers(2**62)), number)
-    return PixelState(on, off, leak, shot, level, gap, blind, noise, random)
+    return PixelState(on, off, leak, shot, level, gap, blind, noise, random, np.full(number, 1 / settings.shot_light))
+
+
+def _uneven(settings: SensorSettings, rng: np.random.Generator, size: tuple[int, int]) -> F8:
+    """How many times the sensor's rate each pixel (N,) has: log-normal in large patches, with a heavier tail each."""
+    clouds = cv2.resize(rng.normal(size=CLOUDS), size[::-1], interpolation=cv2.INTER_CUBIC).ravel()
+    return np.exp(settings.patches * clouds + rng.laplace(scale=settings.spread, size=clouds.size))
+
+
+def _heat(state: PixelState, settings: SensorSettings, rng: np.random.Generator) -> None:
+    """Make some pixels hot, whatever the light: half of them fire at random, half steadily in one polarity."""
+    hot = np.flatnonzero(rng.random(len(state.shot)) < settings.hot_share)
+    rate = np.exp(rng.uniform(math.log(COLDEST_HZ), math.log(settings.hot_hz), len(hot)))
+    steady, falling = rng.random((2, len(hot))) < 0.5
+    state.shot[hot], state.fading[hot] = np.where(steady, 0, rate), 0.0
+    sign = np.where(falling, -state.off[hot] / state.on[hot], 1)  # leakage is in ON thresholds per second
+    state.leak[hot] = np.where(steady, sign * rate, state.leak[hot])

@@ -19,8 +19,11 @@ class SensorSettings:
     refractory_s: a pixel is blind after each event; its reference is taken anew at the end.
     bandwidth_hz: of the photoreceptor at white, proportional to irradiance; 0 is infinitely fast.
     floor:        irradiance that is always there (dark current, stray light), white is 1.
-    shot_hz:      noise events per pixel in the dark, a quarter of it at white. leak_hz: ON events per pixel by leakage.
-    hot_share:    share of pixels that fire at 10 to 200 Hz. jitter_s: standard deviation of timestamps.
+    shot_hz:      noise events per pixel without light; irradiance `shot_light` thins them to 1/e.
+    leak_hz:      ON events per pixel by leakage.
+    patches, spread: how uneven shot_hz and leak_hz are, in logarithms: over the sensor, and from pixel to pixel.
+    hot_share:    share of pixels that fire at 10 Hz to hot_hz, log-uniform, as far as the refractory period lets them.
+    jitter_s:     standard deviation of timestamps.
     flicker_hz, flicker_depth: of lamps, 0 where steady. blur_px: standard deviation of the lens's point spread.
     tick_us:      step of the readout's clock: times are whole multiples of it.
     """
@@ -32,8 +35,12 @@ class SensorSettings:
     bandwidth_hz: float = 500.0
     floor: float = 0.003
     shot_hz: float = 0.1
-    leak_hz: float = 0.1
+    shot_light: float = 0.05
+    leak_hz: float = 0.01
+    patches: float = 0.4
+    spread: float = 0.35
     hot_share: float = 0.0
+    hot_hz: float = 9000.0
     jitter_s: float = 30e-6
     flicker_hz: float = 100.0
     flicker_depth: float = 0.0
@@ -46,65 +53,55 @@ class Sensor:
     """A kind of event camera: its size, and what its pixels' settings are drawn from. The defaults are a DAVIS346.
 
     size:       height and width, px.
-    contrast:   of nine in ten; high_contrast: of the tenth, set to fire little.
+    contrast:   log-uniform, like all that are not said to be otherwise.
     on_bias:    mean of ln(C+ / C-), 0 where both polarities fire alike.
-    refractory_s: possible values, and how likely each is.
-    bandwidth_hz, shot_hz: in normal light, and dark_bandwidth_hz, dark_shot_hz in the dark.
-    hot_share, jitter_s: from 0 or the least to the most.
+    bandwidth_hz, shot_hz, shot_light: in normal light, and dark_bandwidth_hz, ... in the dark.
+    hot_share, jitter_s: uniform.
     """
 
     size: tuple[int, int] = (260, 346)
-    contrast: Range = (0.15, 0.6)
-    high_contrast: Range = (0.6, 1.0)
-    on_bias: float = 0.0
-    refractory_s: tuple[tuple[float, ...], tuple[float, ...]] = (
-        (0, 0.0005, 0.001, 0.0015, 0.002),
-        (0.1, 0.2, 0.3, 0.25, 0.15),
-    )
+    contrast: Range = (0.18, 0.45)
+    on_bias: float = -0.1
+    refractory_s: Range = (0.0005, 0.0015)
     bandwidth_hz: Range = (200, 2000)
     dark_bandwidth_hz: Range = (40, 200)
-    shot_hz: Range = (0.01, 0.3)
+    shot_hz: Range = (0.01, 5)
     dark_shot_hz: Range = (1, 8)
-    hot_share: Range = (0, 5e-4)
+    shot_light: Range = (0.03, 0.08)
+    dark_shot_light: Range = (0.3, 1.0)
+    leak_hz: Range = (0.002, 0.1)
+    hot_share: Range = (0, 2e-4)
     jitter_s: Range = (0, 100e-6)
     tick_us: int = 1
 
 
-# What other sensors do otherwise than a DAVIS346. Refractory periods are the shortest intervals of one pixel in a real
-# clip of each: 2.4 ms (1st percentile, DAVIS240C), 0.2 and 0.4 ms (0.1st and 1st, DVXplorer), 0.4 ms (0.1st, Gen4).
+# What other sensors do otherwise than a DAVIS346. Refractory periods are about the shortest intervals of one pixel in a
+# real clip of each: 1.6 and 1.1 ms (DAVIS240C), 0.2 to 0.4 ms (DVXplorer), 0.4 ms (Gen4).
 # C of 0.16 to 0.34 is what others trained with for Prophesee's and Samsung's sensors and carried over to real ones.
 # Events of a Samsung sensor come in bursts 0.1 ms apart, of a Prophesee on a clock of 1 µs.
-CARRIED, ABOVE = (0.16, 0.34), (0.34, 0.6)
-QUICK = ((0, 0.0002, 0.0004, 0.001), (0.1, 0.4, 0.4, 0.1))
+CARRIED, QUICK = (0.16, 0.34), (0.0001, 0.0005)
 SENSORS = {
     "davis346": Sensor(),
-    "davis240": Sensor(size=(180, 240), on_bias=0.3, refractory_s=((0.001, 0.0015, 0.002), (0.35, 0.4, 0.25))),
+    "davis240": Sensor(size=(180, 240), on_bias=0.3, refractory_s=(0.001, 0.002)),
     "dvxplorer": Sensor(
         size=(480, 640),
         contrast=CARRIED,
-        high_contrast=ABOVE,
+        on_bias=0.0,
         refractory_s=QUICK,
         hot_share=(0, 1e-3),
         jitter_s=(30e-6, 150e-6),
     ),
-    "gen4": Sensor(
-        size=(720, 1280),
-        contrast=CARRIED,
-        high_contrast=ABOVE,
-        refractory_s=((0, 0.0004, 0.001), (0.2, 0.5, 0.3)),
-        jitter_s=(0, 30e-6),
-    ),
+    "gen4": Sensor(size=(720, 1280), contrast=CARRIED, on_bias=0.0, refractory_s=(0.0002, 0.001), jitter_s=(0, 30e-6)),
     "samsung": Sensor(
         size=(480, 640),
         contrast=CARRIED,
-        high_contrast=ABOVE,
+        on_bias=0.0,
         refractory_s=QUICK,
         jitter_s=(0, 50e-6),
         tick_us=100,
     ),
 }
 WHITE = 0.6  # irradiance at which `bandwidth_hz` holds
-SHOT_DROP = 0.75  # how much rarer noise is at white than in the dark
 
 
 def known_sensor(name: str) -> Sensor:
@@ -121,18 +118,19 @@ def known_sensor(name: str) -> Sensor:
 def draw_sensor(rng: np.random.Generator, *, dark: bool = False, sensor: str = "davis346") -> SensorSettings:
     """Settings spread around a sensor in normal light, or in the dark."""
     kind = known_sensor(sensor)
-    high = rng.random() < 0.1
     flicker = rng.random() < (0.5 if dark else 0.08)
-    periods, shares = kind.refractory_s
     return SensorSettings(
-        contrast=log_uniform(rng, *(kind.high_contrast if high else kind.contrast)),
+        contrast=log_uniform(rng, *kind.contrast),
         on_over_off=math.exp(kind.on_bias + rng.normal() * 0.2),
         mismatch=float(rng.uniform(0.02, 0.15)),
-        refractory_s=float(rng.choice(periods, p=shares)),
+        refractory_s=log_uniform(rng, *kind.refractory_s),
         bandwidth_hz=log_uniform(rng, *(kind.dark_bandwidth_hz if dark else kind.bandwidth_hz)),
         floor=float(rng.uniform(0.02, 0.08)) if dark else 0.003,
         shot_hz=log_uniform(rng, *(kind.dark_shot_hz if dark else kind.shot_hz)),
-        leak_hz=log_uniform(rng, 0.03, 0.3),
+        shot_light=log_uniform(rng, *(kind.dark_shot_light if dark else kind.shot_light)),
+        leak_hz=log_uniform(rng, *kind.leak_hz),
+        patches=float(rng.uniform(0.2, 0.6)),
+        spread=float(rng.uniform(0.2, 0.45)),
         hot_share=float(rng.uniform(*kind.hot_share)),
         jitter_s=float(rng.uniform(*kind.jitter_s)),
         flicker_hz=float(rng.choice([100, 120])),
