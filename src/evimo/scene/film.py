@@ -6,15 +6,13 @@ import math
 import numba
 import numpy as np
 
-from evimo.scene.kernels import jit, trace
-from evimo.scene.shading import shade
+from evimo.scene.compiling import jit, parallel
+from evimo.scene.kernels import shade, trace
 
 f32 = np.float32
 TILE = 8
 _0, _1 = f32(0), f32(1)
 _SLACK = f32(0.006)  # rad, added around a tile: rays within its border pixels
-
-_parallel = numba.njit(nogil=True, error_model="numpy", cache=True, parallel=True)
 
 
 @jit
@@ -78,9 +76,9 @@ def _look(f, number, scene, lists, scratch):
     """Cast and shade the first `number` rays of `scratch` at frame f."""
     _, placed, parts, bank, light = scene
     local, depth, found, irradiance, tags = scratch
-    to_part, origin, to_light = placed.to_part[f], placed.origin[f], placed.light[f]
-    trace(local, number, (to_part, origin), parts, lists[0], lists[1], depth, found)
-    shade(local, number, (depth, found), (to_part, origin, to_light), parts, bank, light, (irradiance, tags))
+    frame = placed.to_part[f], placed.origin[f], placed.light[f]
+    trace(local, number, frame, parts, lists[0], lists[1], depth, found)
+    shade(local, number, (depth, found), frame, parts, bank, light, (irradiance, tags))
 
 
 @jit
@@ -186,7 +184,7 @@ def _smooth_row(row, first, strides, scene, lists, out):
             _interpolate(out[0], box, stride)
 
 
-@_parallel
+@parallel
 def render(cones, rays, placed, parts, bank, light, strides, first, image, depth, tags):
     """Frames through a lens.
 

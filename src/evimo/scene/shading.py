@@ -1,11 +1,12 @@
 # pyright: basic
-"""What a ray sees where it ends: texture, light, and which face; compiled, float32."""
+"""What a ray sees where it ends: texture, light, and which face; scalar functions, float32, for both processors."""
 
 import math
 
 import numpy as np
 
-from evimo.scene.kernels import jit
+from evimo.scene.compiling import scalar
+from evimo.scene.hits import direction
 
 f32 = np.float32
 i32 = np.int32
@@ -21,7 +22,7 @@ _COARSEST = f32(TEXTURE_LEVELS - 0.001)
 _SIDES = (f32(3.1), f32(5.7), f32(7.3))  # shifts that keep opposite faces of a box from looking alike
 
 
-@jit
+@scalar
 def _texel(texels, base, size, u, v):
     """Bilinear look-up that wraps around."""
     x, y = u * f32(size) - _HALF, v * f32(size) - _HALF
@@ -37,7 +38,7 @@ def _texel(texels, base, size, u, v):
     return top + (bottom - top) * fy
 
 
-@jit
+@scalar
 def _surface_point(shape, hx, hy, hz, a, b, c):
     """Normal (not unit, metric), texture coordinates in m, and face of a hit in unit space."""
     if shape == 0:
@@ -59,7 +60,7 @@ def _surface_point(shape, hx, hy, hz, a, b, c):
     return _0, _0, (_1 if hz > _0 else -_1), hx * a, hy * b, 1
 
 
-@jit
+@scalar
 def _pattern(texels, offsets, number, footprint, u, v):
     """Texture `number` at u, v in periods, averaged over a footprint given in texels of the finest level."""
     if footprint <= _1:
@@ -72,45 +73,33 @@ def _pattern(texels, offsets, number, footprint, u, v):
     return near + (far - near) * (level - f32(fine))
 
 
-@jit
-def shade(rays, number, hits, frame, parts, bank, light, seen):
-    """What rays (x, y, 1) see.
+@scalar
+def shade_ray(dx, dy, t, found, triangle, frame, parts, bank, light):
+    """Irradiance and tag of the ray (dx, dy, 1) that ends at depth t on part `found`; a tag is part * 8 + face.
 
     Args:
-        rays: (2, N) x and y on Z = 1, of which the first `number` count. hits: depth and part (N,), negative: nothing.
-        frame: to_part (P, 3, 3), origin (P, 3) and direction to the light (P, 3) of every part at this time.
+        triangle: of a mesh. frame: to_part (P, 3, 3), origin (P, 3) and direction to the light (P, 3) of every part at
+            this time. parts, bank: `bodies.Parts`, `textures.TextureBank`.
         light: (2,) share of light without direction; size of a pixel on Z = 1.
-        seen: irradiance and tag (N,), written; a tag is part * 8 + face.
     """
-    # every array by a local name: taking one out of a tuple inside the loop counts references, which costs more
-    # than the arithmetic
     to_part, origin, to_light = frame
-    depth, found = hits
-    irradiance, tags = seen
     shapes, insides, textures, halves = parts.shape, parts.inside, parts.texture, parts.half
     periods, shifts, reflectances = parts.period, parts.shift, parts.reflectance
     texels, offsets = bank.texels, bank.offsets
-    ambient, pixel = light[0], light[1]
-    for k in range(number):
-        irradiance[k], tags[k] = SKY, NOTHING
-        if found[k] < 0:
-            continue
-        i, dx, dy, t = np.uint32(found[k]), rays[0, k], rays[1, k], depth[k]
-        x = to_part[i, 0, 0] * dx + to_part[i, 0, 1] * dy + to_part[i, 0, 2]
-        y = to_part[i, 1, 0] * dx + to_part[i, 1, 1] * dy + to_part[i, 1, 2]
-        z = to_part[i, 2, 0] * dx + to_part[i, 2, 1] * dy + to_part[i, 2, 2]
-        hx, hy, hz = origin[i, 0] + t * x, origin[i, 1] + t * y, origin[i, 2] + t * z
-        a, b, c = halves[i, 0], halves[i, 1], halves[i, 2]
-        nx, ny, nz, u, v, face = _surface_point(shapes[i], hx, hy, hz, a, b, c)
-        scale = _1 / math.sqrt(nx * nx + ny * ny + nz * nz)
-        lambert = scale * (nx * to_light[i, 0] + ny * to_light[i, 1] + nz * to_light[i, 2])
-        lambert = -lambert if insides[i] != 0 else lambert
-        ex, ey, ez = x * a, y * b, z * c
-        cosine = scale * abs(nx * ex + ny * ey + nz * ez) / math.sqrt(ex * ex + ey * ey + ez * ez)
-        per_m = _1 / periods[i]
-        footprint = t * pixel * f32(TEXTURE) * per_m / math.sqrt(max(cosine, _GRAZING))
-        u, v = u * per_m + shifts[i, 0], v * per_m + shifts[i, 1]
-        pattern = _pattern(texels, offsets, textures[i], footprint, u, v)
-        dark, bright = reflectances[i, 0], reflectances[i, 1]
-        lit = ambient + (_1 - ambient) * (_HALF + _HALF * lambert)
-        irradiance[k], tags[k] = (dark + (bright - dark) * pattern) * lit, i32(i) * 8 + face
+    i, ambient, pixel = np.uint32(found), light[0], light[1]  # unsigned: no test for counting from the end
+    x, y, z = direction(to_part, i, dx, dy)
+    hx, hy, hz = origin[i, 0] + t * x, origin[i, 1] + t * y, origin[i, 2] + t * z
+    a, b, c = halves[i, 0], halves[i, 1], halves[i, 2]
+    nx, ny, nz, u, v, face = _surface_point(shapes[i], hx, hy, hz, a, b, c)
+    scale = _1 / math.sqrt(nx * nx + ny * ny + nz * nz)
+    lambert = scale * (nx * to_light[i, 0] + ny * to_light[i, 1] + nz * to_light[i, 2])
+    lambert = -lambert if insides[i] != 0 else lambert
+    ex, ey, ez = x * a, y * b, z * c
+    cosine = scale * abs(nx * ex + ny * ey + nz * ez) / math.sqrt(ex * ex + ey * ey + ez * ez)
+    per_m = _1 / periods[i]
+    footprint = t * pixel * f32(TEXTURE) * per_m / math.sqrt(max(cosine, _GRAZING))
+    u, v = u * per_m + shifts[i, 0], v * per_m + shifts[i, 1]
+    pattern = _pattern(texels, offsets, textures[i], footprint, u, v)
+    dark, bright = reflectances[i, 0], reflectances[i, 1]
+    lit = ambient + (_1 - ambient) * (_HALF + _HALF * lambert)
+    return (dark + (bright - dark) * pattern) * lit, i32(found) * i32(8) + i32(face)
