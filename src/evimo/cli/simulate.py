@@ -1,6 +1,7 @@
 """`evimo simulate`: recordings with exact truth from seeds."""
 
 import re
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,7 +14,10 @@ from evimo.errors import BadInput
 
 if TYPE_CHECKING:
     from evimo.simulate.dataset import DatasetPlan
+    from evimo.simulate.own_folders import OwnFolders
     from evimo.simulate.replica import ReplicaPlan
+
+REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers"
 
 
 def simulate(
@@ -28,6 +32,8 @@ def simulate(
     camera: Literal["random", "evimo"] = "random",
     layout: Literal["evimo2", "evimo1"] = "evimo2",
     events: Literal["aedat4", "raw"] | None = None,
+    texture_dir: Path | None = None,
+    mesh_dir: Path | None = None,
     workers: int = 1,
     replica: bool = False,
 ) -> None:
@@ -50,12 +56,23 @@ def simulate(
         camera: random lenses, or EV-IMO's own scaled to the size.
         layout: of EVIMO2, a folder, which is what the other commands take, or of EV-IMO's first version, an .npz.
         events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
+        texture_dir: folder of PNG and JPEG pictures; textures are cut from them, besides those of the package.
+        mesh_dir: folder of PLY, OBJ, STL, OFF and GLB files, or scans of points as PLY; half of all things are these.
         workers: processes.
-        replica: of EV-IMO; takes minutes, seed, size and workers, but none of the other choices.
+        replica: of EV-IMO; takes minutes, seed, size, workers and both folders, but none of the other choices.
     """
+    from evimo.simulate.own_folders import OwnFolders
+
+    own = OwnFolders(texture_dir, mesh_dir)
     if replica:
         defaults = (set, sensor, seconds, camera, layout, events) == ("all", "davis346", 1.0, "random", "evimo2", None)
-        _replica(out, minutes=minutes, seed=seed, size=size, workers=workers, defaults=defaults)
+        if not defaults:
+            raise BadInput("a replica has its own sets, sensor, camera and lengths", fix=REPLICA_TAKES)
+        from evimo.simulate.replica import MINUTES, ReplicaPlan
+
+        minutes = MINUTES if minutes is None else minutes
+        replica_plan = ReplicaPlan(minutes=minutes, seed=seed, size=_size(size), own=own)
+        _write_replica(replica_plan, out, workers)
         return
     if minutes is None:
         raise BadInput("no length", fix="--minutes M, or --replica")
@@ -68,17 +85,19 @@ def simulate(
         seconds=seconds,
         camera=camera,
         sensor=sensor,
-        size=None if size is None else _size(size),
+        size=_size(size),
         layout=layout,
         events=events,
+        own=own,
     )
-    make_folder(out)
     _write_dataset(plan, out, workers)
 
 
 def _write_dataset(plan: "DatasetPlan", out: Path, workers: int) -> None:
     from evimo.simulate.dataset import simulate_dataset
 
+    _read(plan.own)
+    make_folder(out)
     columns = (TextColumn("simulate"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         task = progress.add_task("recordings", total=plan.recordings)
@@ -86,17 +105,11 @@ def _write_dataset(plan: "DatasetPlan", out: Path, workers: int) -> None:
             progress.advance(task)
 
 
-def _replica(out: Path, *, minutes: float | None, seed: int, size: str | None, workers: int, defaults: bool) -> None:
-    from evimo.simulate.replica import MINUTES, ReplicaPlan
-
-    if not defaults:
-        raise BadInput(
-            "a replica has its own sets, sensor, camera and lengths", fix="--minutes, --seed, --size, --workers"
-        )
-    pixels = None if size is None else _size(size)
-    plan = ReplicaPlan(minutes=MINUTES if minutes is None else minutes, seed=seed, size=pixels)
-    make_folder(out)
-    _write_replica(plan, out, workers)
+def _read(own: "OwnFolders") -> None:
+    """Read the user's files once: what is wrong with them is said before anything is written."""
+    if own.meshes is not None:
+        print(f"reading the meshes of {own.meshes}", file=sys.stderr)
+    own.check()
 
 
 def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
@@ -104,6 +117,8 @@ def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
     from evimo.simulate.replica import simulate_replica
 
     sequences = plan.sequences
+    _read(plan.own)
+    make_folder(out)
     total_s = sum(sequence.seconds for sequence in sequences)
     present = {sequence.path for sequence in sequences if (out / sequence.path).exists()}
     begun, made_s, done_s = time.perf_counter(), 0.0, 0.0
@@ -135,7 +150,9 @@ def _set_number(text: str) -> int:
     return 0 if text == "all" else int(text)
 
 
-def _size(text: str) -> tuple[int, int]:
+def _size(text: str | None) -> tuple[int, int] | None:
+    if text is None:
+        return None
     match = re.fullmatch(r"(\d+)x(\d+)", text)
     if not match:
         raise BadInput(f"no size {text!r}", fix="WxH, as 346x260")

@@ -15,7 +15,7 @@ import numpy as np
 
 from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
-from evimo.errors import BadInput, EvimoWarning
+from evimo.errors import BadInput, EvimoWarning, NotFound
 
 if TYPE_CHECKING:
     from evimo.events.io.event_file import EventFile
@@ -131,9 +131,13 @@ def _light(recording: "Recording") -> "Light | None":
     print(
         f"rendering what the camera saw from seed {recording.meta.get('seed')}; --no-picture is faster", file=sys.stderr
     )
-    light = pictures(recording)
+    light, text = None, f"{recording.path.name} was made by another version of evimo"
+    try:
+        light = pictures(recording)
+    except NotFound as error:
+        text = error.problem
     if light is None:
-        text = f"{recording.path.name} was made by another version of evimo: its pictures cannot be rendered again"
+        text = f"{text}: its pictures cannot be rendered again"
         warnings.warn(text, EvimoWarning, stacklevel=2)
     return light
 

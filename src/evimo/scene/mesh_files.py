@@ -32,8 +32,8 @@ def _is_marker(file: Path) -> bool:
     return file.stem != SCAN and file.with_name(MARKERS).exists() and any(scan.exists() for scan in scans)
 
 
-def load_meshes(folder: Path, *, every: slice = slice(None)) -> MeshBank:
-    """The meshes of a folder by the names of their files; `every` picks some of them.
+def load_meshes(folder: Path) -> MeshBank:
+    """The meshes of a folder by the names of their files.
 
     Materials and pictures are ignored, and nothing else than these files is opened. Files with points alone are
     meshed; triangles are kept as they are, however many, and all parts of a file become one mesh.
@@ -42,7 +42,7 @@ def load_meshes(folder: Path, *, every: slice = slice(None)) -> MeshBank:
         NotFound: as `mesh_files` says.
         BadFile: a file is none of its format or holds nothing to show.
     """
-    return mesh_bank([read_mesh(file) for file in mesh_files(folder).files[every]])
+    return mesh_bank([read_mesh(file) for file in mesh_files(folder).files])
 
 
 def read_mesh(file: Path) -> Triangles:

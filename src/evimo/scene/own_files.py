@@ -12,10 +12,21 @@ from evimo.errors import EvimoWarning, NotFound
 
 @dataclass(frozen=True)
 class OwnFiles:
-    """Files of one kind in a folder, sorted by their paths in it."""
+    """Files of one kind in a folder, sorted by their paths in it.
+
+    what: they are, in the plural. others: how many files there are of other kinds.
+    """
 
     folder: Path
     files: tuple[Path, ...]
+    what: str
+    others: int = 0
+
+    def warn(self) -> None:
+        """Say how many files are left out, if any are."""
+        if self.others:
+            count = f"{self.others} of {self.others + len(self.files)} files"
+            warnings.warn(f"{count} in {self.folder} are no {self.what} and left out", EvimoWarning, stacklevel=2)
 
     @cached_property
     def sha256(self) -> str:
@@ -43,9 +54,6 @@ def own_files(
 
     Raises:
         NotFound: there is no such folder, or no such file in it.
-
-    Warns:
-        EvimoWarning: how many files are something else.
     """
     kinds = ", ".join(suffixes)
     if not folder.is_dir():
@@ -58,7 +66,4 @@ def own_files(
     taken = tuple(file for file in files if file.suffix.lower() in suffixes)
     if not taken:
         raise NotFound(f"there are no {what} in {folder}", fix=f"a folder with files of {kinds}")
-    if other := len(files) - len(taken):
-        text = f"{other} of {len(files)} files in {folder} are no {what} ({kinds}) and left out"
-        warnings.warn(text, EvimoWarning, stacklevel=2)
-    return OwnFiles(folder, taken)
+    return OwnFiles(folder, taken, what, len(files) - len(taken))

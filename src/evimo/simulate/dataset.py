@@ -16,8 +16,9 @@ from evimo.recordings.event_files import check_events_format, save_events
 from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.writer import RecordingWriter
 from evimo.scene.draw import SETS
+from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording
-from evimo.simulate.resuming import check_made_alike
+from evimo.simulate.resuming import check_made_alike, own_content
 from evimo.simulate.sensor import known_sensor
 from evimo.simulate.workers import finished
 
@@ -32,7 +33,7 @@ class DatasetPlan:
     seconds: of each recording. camera: `random` or `evimo`. sensor: one of `sensor.SENSORS`.
     size: (height, width) in px, if not the sensor's own. layout: `evimo2`, a folder, or `evimo1`, an .npz.
     events: `aedat4` or `raw` for one more file of the events alone, beside each recording.
-    part, room: as in `simulate_recording`.
+    part, room, own: as in `simulate_recording`.
     """
 
     set_number: int
@@ -46,6 +47,7 @@ class DatasetPlan:
     events: str | None = None
     part: str | None = None
     room: str | None = None
+    own: OwnFolders = OWN
 
     def __post_init__(self) -> None:
         height, width = self.pixels
@@ -95,7 +97,7 @@ class DatasetPlan:
         """What all its recordings share, in the words of `resuming.as_made`."""
         height, width = self.pixels
         shared = {name: getattr(self, name) for name in ("sensor", "camera", "seconds", "part", "room")}
-        return {**shared, "size": f"{width}x{height}"}
+        return {**shared, "size": f"{width}x{height}", **own_content(self.own.facts())}
 
     def _name(self, seed: int) -> str:
         return f"set{self.set_of(seed)}_{seed:06d}"
@@ -105,8 +107,10 @@ def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Itera
     """Write the recordings of a plan that do not exist yet, and yield the path of each when it is complete.
 
     Raises:
-        BadInput: a recording that exists was made with another sensor, size, camera or length.
+        BadInput: a recording that exists was made with another sensor, size, camera, length or folder of the user's.
+        NotFound, BadFile: as `OwnFolders.check` says.
     """
+    plan.own.check()
     seeds = range(plan.seed, plan.seed + plan.recordings)
     paths = (plan.recording(out, seed) for seed in seeds)
     check_made_alike((path for path in paths if path.exists()), plan.made_of())
@@ -129,6 +133,7 @@ def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:
             size=plan.size,
             part=plan.part,
             room=plan.room,
+            own=plan.own,
         )
         with _writer(plan, recording, path) as writer:
             for piece in recording:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from evimo.errors import EvimoError
 from evimo.recordings.recording import Recording
 from evimo.scene.renderer import Renderer
+from evimo.simulate.own_folders import OwnFolders, own_folders_of
 from evimo.simulate.recording import SimulatedRecording, simulate_recording
 
 Light = Callable[[int], NDArray[np.float32]]
@@ -22,10 +23,13 @@ def pictures(recording: Recording) -> Light | None:
 
     Textures are not stored and nothing could tell them apart, so the version must be the same; lens, motion and ids
     are compared at the middle.
+
+    Raises:
+        NotFound: the folder of the user's own textures or meshes is gone or has changed.
     """
     if recording.meta.get("version") != metadata.version("evimo"):
         return None
-    again = _made_again(recording)
+    again = _made_again(recording, own_folders_of(recording.meta))
     if again is None:
         return None
     renderer, middle = Renderer(again.scene, again.camera), len(recording) // 2
@@ -36,7 +40,7 @@ def pictures(recording: Recording) -> Light | None:
     return lambda t_us: renderer.frames(np.array([t_us * 1e-6])).image[0]
 
 
-def _made_again(recording: Recording) -> SimulatedRecording | None:
+def _made_again(recording: Recording, own: OwnFolders) -> SimulatedRecording | None:
     meta = recording.meta
     try:
         return simulate_recording(
@@ -48,6 +52,7 @@ def _made_again(recording: Recording) -> SimulatedRecording | None:
             size=recording.camera.size,
             part=meta.get("part"),
             room=meta.get("room"),
+            own=own,
         )
     except (KeyError, TypeError, ValueError, EvimoError):
         return None

@@ -22,6 +22,7 @@ from evimo.scene.textures import texture_bank
 from evimo.simulate.cameras import draw_camera
 from evimo.simulate.imu import ImuSettings, measured
 from evimo.simulate.labelled_events import LabelledEvents, ids_of
+from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.poses import scene_poses
 from evimo.simulate.sensor import SensorSettings, draw_sensor, known_sensor
@@ -71,7 +72,7 @@ class SimulatedRecording:
     """A scene, a camera and a sensor, ready to be filmed; iterating yields its slices.
 
     seed, set_number: it is made from these alone (and seconds, camera and sensor). settings: of the sensor.
-    sensor: its kind. part, room: what its scene was held to, if it was.
+    sensor: its kind. part, room: what its scene was held to, if it was. own: the user's folders it was drawn from.
     """
 
     seed: int
@@ -84,6 +85,7 @@ class SimulatedRecording:
     sensor: str = "davis346"
     part: str | None = None
     room: str | None = None
+    own: OwnFolders = OWN
 
     @property
     def slices(self) -> int:
@@ -130,6 +132,7 @@ class SimulatedRecording:
             "clutter_bodies": sum(body.clutter for body in self.scene.bodies),
             "attempts": self.attempts,
             **held,
+            **self.own.facts(),
         }
 
 
@@ -143,6 +146,7 @@ def simulate_recording(
     size: tuple[int, int] | None = None,
     part: str | None = None,
     room: str | None = None,
+    own: OwnFolders = OWN,
 ) -> SimulatedRecording:
     """Draw a recording of one of the paper's sets.
 
@@ -151,10 +155,11 @@ def simulate_recording(
         seconds: a multiple of 0.025. camera: `random` or `evimo`. sensor: one of `sensor.SENSORS`.
         size: height and width in px, if not the sensor's own.
         part: `train` or `test` draws textures and shapes that the other, and a recording without, never have.
-        room: one of the set's.
+        room: one of the set's. own: folders of pictures for textures, and of meshes.
 
     Raises:
         BadInput: no such set, camera, sensor, part or room, or less than one slice.
+        NotFound, BadFile: as `OwnFolders.check` says.
     """
     if set_number not in SETS:
         raise BadInput(f"no set {set_number}", fix="a set from 1 to 6")
@@ -162,18 +167,19 @@ def simulate_recording(
         raise BadInput(f"a recording of {seconds} s", fix="at least 0.025 s")
     kind = known_sensor(sensor)
     style, pool = _style(set_number, part, room), POOLS[part] if part else None
-    bank = (pool.bank if pool else texture_bank)(seed // RECORDINGS_PER_BANK)
+    bank = (pool.bank if pool else texture_bank)(seed // RECORDINGS_PER_BANK, images=own.textures)
+    meshes = own.mesh_bank()
     glances = max(GLANCES, math.ceil(seconds)) if pool else GLANCES
     attempt = 0
     while True:
         rng = np.random.default_rng((seed, set_number, attempt))
         lens = draw_camera(rng, camera, size or kind.size)
-        scene = draw_scene(rng, style, bank, seconds=seconds, pool=pool)
+        scene = draw_scene(rng, style, bank, seconds=seconds, pool=pool, meshes=meshes)
         attempt += 1
         if _is_watchable(scene, lens, seconds, glances) or attempt == ATTEMPTS:
             settings = draw_sensor(rng, dark=style.dark or rng.random() < DARK, sensor=sensor)
             return SimulatedRecording(
-                seed, set_number, seconds, lens, scene, settings, attempt, sensor=sensor, part=part, room=room
+                seed, set_number, seconds, lens, scene, settings, attempt, sensor=sensor, part=part, room=room, own=own
             )
 
 

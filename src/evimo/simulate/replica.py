@@ -15,6 +15,7 @@ from pathlib import Path
 
 from evimo.errors import BadInput
 from evimo.simulate.dataset import DatasetPlan, write_recording
+from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.recording import SLICE_S
 from evimo.simulate.workers import finished
 
@@ -65,11 +66,13 @@ class ReplicaPlan:
 
     minutes: of recording in all; sequences have whole slices of 25 ms, and so has the sum.
     seed: of the first sequence; others follow. size: (height, width) in px, if not the sensor's own.
+    own: folders of the user's; each part has every other file, so that testing shows nothing that training has.
     """
 
     minutes: float = MINUTES
     seed: int = 0
     size: tuple[int, int] | None = None
+    own: OwnFolders = OWN
 
     def __post_init__(self) -> None:
         if not SEQUENCES * SLICE_S <= self.minutes * 60 < inf:
@@ -106,12 +109,14 @@ class ReplicaPlan:
             size=self.size,
             part=sequence.part,
             room=sequence.room,
+            own=self.own,
         )
 
     def index(self) -> dict[str, object]:
         """What the index says: the plan, and every sequence of it."""
         height, width = self.dataset(self.sequences[0]).pixels
-        plan = {"minutes": self.minutes, "seed": self.seed, "width": width, "height": height}
+        own = {name: fact["sha256"] for name, fact in self.own.facts().items()}
+        plan = {"minutes": self.minutes, "seed": self.seed, "width": width, "height": height, **own}
         return {**plan, "sequences": [asdict(sequence) for sequence in self.sequences]}
 
 
@@ -120,7 +125,9 @@ def simulate_replica(plan: ReplicaPlan, out: Path, *, workers: int = 1) -> Itera
 
     Raises:
         BadInput: `out` holds a replica of another plan.
+        NotFound, BadFile: as `OwnFolders.check` says.
     """
+    plan.own.check()
     _write_index(plan, out)
     complete = [sequence for sequence in plan.sequences if (out / sequence.path).exists()]
     yield from complete

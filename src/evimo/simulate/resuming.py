@@ -25,7 +25,7 @@ def check_made_alike(paths: Iterable[Path], wanted: dict[str, Any]) -> None:
 
 
 def as_made(facts: dict[str, Any]) -> dict[str, Any]:
-    """Sensor, size, camera, seconds, part and room of a recording's facts; what older versions lacked was fixed."""
+    """How a recording was made, from its facts; what older versions lacked was fixed."""
     camera: dict[str, Any] = facts.get("camera", {})
     return {
         "sensor": facts.get("sensor_kind", "davis346"),
@@ -34,7 +34,14 @@ def as_made(facts: dict[str, Any]) -> dict[str, Any]:
         "seconds": facts.get("seconds"),
         "part": facts.get("part"),
         "room": facts.get("room"),
+        **own_content(facts),
     }
+
+
+def own_content(facts: dict[str, Any]) -> dict[str, str]:
+    """What textures and meshes of the user's own it has, by name; folders of the same content are the same."""
+    told = {name: facts.get(name) for name in ("textures", "meshes")}
+    return {name: f"of sha256 {fact['sha256'][:12]}" if fact else "ours" for name, fact in told.items()}
 
 
 def _words(values: dict[str, Any], names: list[str]) -> str:
