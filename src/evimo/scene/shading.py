@@ -89,6 +89,7 @@ def shade_ray(dx, dy, t, found, triangle, frame, parts, bank, light):
     i, ambient, pixel = np.uint32(found), light[0], light[1]  # unsigned: no test for counting from the end
     x, y, z = direction(to_part, i, dx, dy)
     hx, hy, hz = origin[i, 0] + t * x, origin[i, 1] + t * y, origin[i, 2] + t * z
+    hz = -z if shapes[i] == 3 else hz  # a net has no inside: it is lit on the side that is seen
     a, b, c = halves[i, 0], halves[i, 1], halves[i, 2]
     nx, ny, nz, u, v, face = _surface_point(shapes[i], hx, hy, hz, a, b, c)
     scale = _1 / math.sqrt(nx * nx + ny * ny + nz * nz)
