@@ -57,7 +57,7 @@ def simulate(
         layout: of EVIMO2, a folder, which is what the other commands take, or of EV-IMO's first version, an .npz.
         events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
         texture_dir: folder of PNG and JPEG pictures; textures are cut from them, besides those of the package.
-        mesh_dir: folder of PLY, OBJ, STL, OFF and GLB files, or scans of points as PLY; half of all things are these.
+        mesh_dir: folder of PLY, OBJ, STL, OFF and GLB files, or scans of points as PLY; four in ten things are these.
         workers: processes.
         replica: of EV-IMO; takes minutes, seed, size, workers and both folders, but none of the other choices.
     """
