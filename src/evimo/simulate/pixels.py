@@ -57,6 +57,21 @@ class EventRoom(NamedTuple):
     p: NDArray[np.int8]
 
 
+class Exposures(NamedTuple):
+    """What pixels are fed with at (E,) instants: frames, or what lies between two of them where lamps flicker.
+
+    time_s: of each. before: index of the frame at or before it. share: of the way from there to the next frame.
+    lamp:   how much brighter the lamps make it.
+    pace:   of the low-pass: times irradiance, the step since the instant before in time constants.
+    """
+
+    time_s: F8
+    before: NDArray[np.int64]
+    share: F4
+    lamp: F4
+    pace: F4
+
+
 class Pixels:
     """The pixels of one sensor, started on a first frame.
 
@@ -73,7 +88,7 @@ class Pixels:
         )
         self.state = _state(settings, rng, self.size)
         _heat(self.state, settings, rng)
-        light = self._lit(first[None], np.array([start_s]))
+        light = first * self._lamp(np.array([start_s]))
         self.state.level[:] = np.log(light + np.float32(settings.floor)).ravel()
         phase = rng.uniform(-1, 1, number)  # of the memorised level between the thresholds
         self.state.gap[:] = 0.999 * np.where(phase > 0, phase * self.state.on, phase * self.state.off)
@@ -93,20 +108,23 @@ class Pixels:
         The first frame is the last one of the call before (or the one the sensor was started on). Jitter can move
         single events beyond these times.
         """
-        image, time_s = self._with_flicker(image, time_s)
+        at = self.exposures(time_s)
+        if self.settings.flicker_depth:
+            before, after = image[at.before], image[np.minimum(at.before + 1, len(image) - 1)]
+            image = np.asarray(
+                (before + (after - before) * at.share[:, None, None]) * at.lamp[:, None, None], np.float32
+            )
         light = image.reshape(len(image), -1) + np.float32(self.settings.floor)
         lag = decay = np.empty((0, 0), np.float32)
         if self.kernel.lagging:
-            slowest = 2 * np.pi * self.settings.bandwidth_hz / (WHITE + self.settings.floor)
-            steps = np.diff(time_s, prepend=time_s[0] - 1).astype(np.float32)
-            pace = light * (steps * np.float32(slowest))[:, None]  # step / tau
+            pace = light * at.pace[:, None]
             lag, decay = 1 / pace, np.exp(-pace)
         signal, before = np.log(light), deepcopy(self.state)
-        fired = events_of_frames(time_s, signal, lag, decay, self.state, self.kernel, self.room)
+        fired = events_of_frames(at.time_s, signal, lag, decay, self.state, self.kernel, self.room)
         if fired.max() > self.room.t.shape[1]:  # once more, with room for all
             self.room = self.room_for(int(1.5 * fired.max()))
             self.state = before
-            fired = events_of_frames(time_s, signal, lag, decay, self.state, self.kernel, self.room)
+            fired = events_of_frames(at.time_s, signal, lag, decay, self.state, self.kernel, self.room)
         return self._gathered(fired)
 
     def _gathered(self, fired: NDArray[np.int64]) -> Events:
@@ -115,24 +133,24 @@ class Pixels:
         y, x = np.divmod(pixel[order], self.size[1])
         return Events(x.astype(np.uint16), y.astype(np.uint16), t[order], p[order])
 
-    def _with_flicker(self, image: F4, time_s: F8) -> tuple[F4, F8]:
-        """Frames in steps short enough for the lamps, multiplied by them."""
-        if not self.settings.flicker_depth:
-            return image, time_s
-        parts = max(1, math.ceil(np.diff(time_s).max() / FLICKER_STEP_S))
+    def exposures(self, time_s: F8) -> Exposures:
+        """The instants that frames at times (F,) make: steps short enough for the lamps, where they flicker."""
+        parts = 1
+        if self.settings.flicker_depth:
+            parts = max(1, math.ceil(np.diff(time_s).max() / FLICKER_STEP_S))
         at = np.arange((len(time_s) - 1) * parts + 1) / parts
-        before = np.minimum(at.astype(int), len(time_s) - 2)
-        share = (at - before)[:, None, None].astype(np.float32)
+        before = at.astype(np.int64)
         finer = np.interp(at, np.arange(len(time_s)), time_s)
-        mixed = (image[before] + (image[before + 1] - image[before]) * share).astype(np.float32)
-        return self._lit(mixed, finer), finer
+        steps = np.diff(finer, prepend=finer[0] - 1).astype(np.float32)
+        slowest = 2 * np.pi * self.settings.bandwidth_hz / (WHITE + self.settings.floor)
+        return Exposures(
+            finer, before, (at - before).astype(np.float32), self._lamp(finer), steps * np.float32(slowest)
+        )
 
-    def _lit(self, image: F4, time_s: F8) -> F4:
-        """Under lamps on alternating current: twice per period bright."""
-        if not self.settings.flicker_depth:
-            return image
+    def _lamp(self, time_s: F8) -> F4:
+        """How bright lamps on alternating current are: twice per period; 1 where they are steady."""
         wave = np.abs(np.sin(np.pi * self.settings.flicker_hz * time_s))
-        return image * (1 + self.settings.flicker_depth * wave).astype(np.float32)[:, None, None]
+        return (1 + self.settings.flicker_depth * wave).astype(np.float32)
 
 
 def blurred(image: F4, sigma_px: float) -> F4:
