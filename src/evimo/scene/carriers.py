@@ -13,7 +13,7 @@ from evimo.scene.paint import Paint
 
 F8 = NDArray[np.float64]
 
-CARRIERS = {"nothing": 0.42, "floor": 0.14, "hand": 0.18, "string": 0.14, "legs": 0.12}
+CARRIERS = {"nothing": 0.36, "floor": 0.15, "hand": 0.19, "string": 0.17, "legs": 0.13}
 """Share of things that float or fly, stand, are held, hang, and stand on thin legs."""
 BEYOND = 0.25  # m that an arm goes on out of view
 SIDES = {(0.0, 0.75): 0.5, (0.95, 0.2): 0.2, (-0.95, 0.2): 0.2, (0.0, -0.75): 0.1}

@@ -24,7 +24,7 @@ TILT = (0.08, 0.08, 0.1)  # rad, of the camera away from looking at its focus up
 ROOM_PERIOD, THING_PERIOD = (0.4, 3.0), (0.1, 0.6)  # m, of textures
 
 
-PACES = {"low": Pace(0.15, 0.25, 0.3), "medium": Pace(0.4, 0.7, 0.7), "high": Pace(0.8, 1.8, 1.5)}
+PACES = {"low": Pace(0.16, 0.3, 0.26), "medium": Pace(0.4, 0.7, 0.6), "high": Pace(0.8, 1.8, 1.3)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +65,14 @@ def draw_scene(
     """
     kind, busy = str(rng.choice(style.rooms)), rng.random() < BUSY
     plain = float(np.clip(style.plain + rng.normal() * 0.25, 0, 1)) * (0.3 if busy else 1)
-    room = furnished(rng, kind, Paint(bank, plain, (0.5, float(rng.uniform(1.2, 3.2))), ROOM_PERIOD))
+    room = furnished(rng, kind, Paint(bank, plain, (1.2, float(rng.uniform(2.0, 3.4))), ROOM_PERIOD))
     pace = _jittered(rng, PACES[style.pace], busy=busy)
     view = _viewpoint(rng, kind, room)
     if rng.random() < NETTED:
         net_in_front(room, view.position, view.axes)
-    things = Paint(bank, float(rng.choice([0.05, 0.25, 0.7])), (0.5, float(rng.uniform(1.2, 3.2))), THING_PERIOD)
+    things = Paint(bank, float(rng.choice([0.05, 0.25, 0.7])), (1.2, float(rng.uniform(2.0, 3.4))), THING_PERIOD)
     if busy:
-        things = Paint(bank, 0.8, (0.3, 1.2), THING_PERIOD)
+        things = Paint(bank, 0.65, (0.4, 1.6), THING_PERIOD)
     count = 0 if rng.random() < NO_MOVERS and not pool else int(rng.choice(style.movers))
     bodies = _bodies(rng, view, Family(things, pool, meshes), (count, pace.mover, seconds))
     light = rng.normal(size=3) + (0, 0, 1.5)
@@ -81,7 +81,7 @@ def draw_scene(
 
 
 def _jittered(rng: np.random.Generator, pace: Pace, *, busy: bool) -> Pace:
-    faster = (1.3, 1.3, 0.35) if busy else (1.0, 1.0, 1.0)
+    faster = (1.3, 1.3, 0.45) if busy else (1.0, 1.0, 1.0)
     speeds = (pace.camera, pace.turning, pace.mover)
     return Pace(*(float(v * k * math.exp(rng.normal() * 0.35)) for v, k in zip(speeds, faster, strict=True)))
 

@@ -19,6 +19,7 @@ class Room:
 
     half:    (3,) half sizes, m; the floor's middle is the origin, z is up, the far wall is at +y.
     focus:   (3,) what the camera looks at. support: height of what things stand on there, m.
+    stage:   (2, 2) lowest and highest x and y of that.
     """
 
     rng: np.random.Generator
@@ -26,6 +27,7 @@ class Room:
     half: F8
     focus: F8 = field(default_factory=lambda: np.zeros(3))
     support: float = 0.0
+    stage: F8 = field(default_factory=lambda: np.array([[-9.0, -9.0], [9.0, 9.0]]))
     parts: list[Part] = field(default_factory=list)
 
     def add(self, shape: int, position: tuple[float, ...] | F8, half: tuple[float, ...] | F8, **how: object) -> None:

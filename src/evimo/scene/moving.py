@@ -16,6 +16,7 @@ STATIC_CAMERA, PAUSED_CAMERA, RESTING_MOVER, STILL_MOVER = 0.06, 0.1, 0.2, 0.04
 CAMERA_TREMOR, HAND_TREMOR = 0.4, 0.8  # shares
 THROWN = 0.25  # of what nothing carries
 FOREVER = 1e4
+SPINS, HAND_SPINS = (0.2, 0.7, 2.2), (0.1, 0.4, 1.0)  # rad/s, rms
 LONG_S = 2.0  # from here on a scene is held together, or what moves in it would be gone for most of the time
 REACH, TURN = 0.2, 0.15  # m and rad: root mean square of excursions in such a scene
 PAUSE_EVERY_S = 5.0  # in a long scene, of what pauses
@@ -92,18 +93,18 @@ def _flying(rng: np.random.Generator, thing: Thing, speed: float, zero_s: float,
         once = rng.random() < 0.6 and not long
         velocity = np.array((*sideways, up))
         moves = Throw(velocity - (0, 0, 0.8), zero_s) if once else Toss(velocity, float(rng.uniform(0.1, 0.4)), zero_s)
-    return moves, _spin(rng, (0.2, 1.0, 3.0), zero_s)
+    return moves, _spin(rng, SPINS, zero_s)
 
 
 def _sliding(rng: np.random.Generator, thing: Thing, speed: float, zero_s: float, long: bool) -> Carried:
     """On a floor or a table."""
     moves = wander(rng, speed, _band((0.3, 3.0), speed, REACH, long=long), zero_s=zero_s)
-    return level(moves), upright(_spin(rng, (0.2, 1.0, 3.0), zero_s))
+    return level(moves), upright(_spin(rng, SPINS, zero_s))
 
 
 def _in_hand(rng: np.random.Generator, thing: Thing, speed: float, zero_s: float, long: bool) -> Carried:
     moves = wander(rng, speed, _band((0.3, 2.5), speed, REACH, long=long), zero_s=zero_s)
-    turns = _spin(rng, (0.1, 0.4, 1.0), zero_s)
+    turns = _spin(rng, HAND_SPINS, zero_s)
     if rng.random() < HAND_TREMOR:
         moves = trembling(rng, moves, rng.uniform(0.02, 0.1))
         turns = trembling(rng, turns, rng.uniform(0.05, 0.4))

@@ -62,17 +62,18 @@ def _table(room: Room, items: tuple[int, int] = (0, 5)) -> None:
     rng = room.rng
     room.support = float(rng.uniform(0.6, 0.9))
     top = np.array([rng.uniform(0.4, 0.9), rng.uniform(0.3, 0.6), 0.02])
-    middle = np.array([room.within(0.2, 0), room.half[1] * rng.uniform(0.2, 0.6), room.support])
+    middle = np.array([room.within(0.2, 0), room.half[1] * rng.uniform(0.2, 0.6), room.support - top[2]])
     room.add(BOX, middle, top)
+    room.stage = np.stack((middle[:2] - 0.9 * top[:2], middle[:2] + 0.9 * top[:2]))
     wood = room.paint.surface(rng, plain=0.8)
     thick = float(rng.uniform(0.012, 0.035))
     for x in (-0.9, 0.9):
         for y in (-0.9, 0.9):
-            leg = (middle[0] + x * top[0], middle[1] + y * top[1], room.support / 2)
-            room.add(CYLINDER, leg, (thick, thick, room.support / 2), surface=wood)
+            leg = (middle[0] + x * top[0], middle[1] + y * top[1], room.support / 2 - 0.01)
+            room.add(CYLINDER, leg, (thick, thick, room.support / 2 - 0.01), surface=wood)
     for _ in range(int(rng.integers(*items))):
         half = rng.uniform(0.02, 0.13, 3)
-        at = (*(middle[:2] + rng.uniform(-0.85, 0.85, 2) * top[:2]), room.support + 0.02 + half[2])
+        at = (*(middle[:2] + rng.uniform(-0.85, 0.85, 2) * top[:2]), room.support + half[2])
         room.add(int(rng.choice([BOX, ELLIPSOID, CYLINDER])), at, half, rotation=turned(rng.uniform(0, 6.3)))
     hang_on_walls(room, 3)
     room.focus = middle + (0, 0, 0.1)

@@ -63,5 +63,6 @@ def turned_parts(parts: tuple[Part, ...], turn: F8) -> tuple[Part, ...]:
 def _place(rng: np.random.Generator, bottom: float, view: View, *, stands: bool) -> F8:
     z = rng.uniform(0.35, 1.0) * min(view.distance, 1.2)
     at = view.position + view.axes @ (z * np.array([rng.uniform(-0.55, 0.55), rng.uniform(-0.4, 0.4), 1.0]))
-    at[2] = view.room.support + bottom if stands else max(at[2], bottom)
-    return at
+    if stands:
+        return np.array([*np.clip(at[:2], *view.room.stage), view.room.support + bottom])
+    return np.array([at[0], at[1], max(at[2], bottom)])
