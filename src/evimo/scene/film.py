@@ -6,7 +6,7 @@ import math
 import numba
 import numpy as np
 
-from evimo.scene.compiling import jit, parallel
+from evimo.scene.compiling import jit, lean, parallel
 from evimo.scene.kernels import shade, trace
 
 f32 = np.float32
@@ -15,7 +15,7 @@ _0, _1 = f32(0), f32(1)
 _SLACK = f32(0.006)  # rad, added around a tile: rays within its border pixels
 
 
-@jit
+@lean
 def tile_cones(rays, cones):
     """The cone around each tile: axis (unit, 3), cosine and sine of its half opening; `cones` (R, C, 5) is written."""
     height, width = rays.shape[2], rays.shape[3]
@@ -35,7 +35,7 @@ def tile_cones(rays, cones):
             cone[3], cone[4] = math.cos(opening), math.sin(opening)
 
 
-@jit
+@lean
 def _spheres(centre, parts, pixel, spheres):
     """What tiles ask of each part's bounding sphere, (P, 6).
 
@@ -57,7 +57,7 @@ def _spheres(centre, parts, pixel, spheres):
             spheres[i, 3] = math.sqrt(_1 - spheres[i, 4] * spheres[i, 4])
 
 
-@jit
+@lean
 def _listing(cone, spheres, listed):
     """Parts whose sphere meets the cone; returns their number, and whether one of them is a fine net."""
     count, netted = 0, False
@@ -71,21 +71,21 @@ def _listing(cone, spheres, listed):
     return count, netted
 
 
-@jit
+@lean
 def _look(f, number, scene, lists, scratch):
     """Cast and shade the first `number` rays of `scratch` at frame f."""
     _, placed, parts, bank, light = scene
-    local, depth, found, irradiance, tags = scratch
+    local, depth, found, irradiance, tags, _ = scratch
     frame = placed.to_part[f], placed.origin[f], placed.light[f]
     trace(local, number, frame, parts, lists[0], lists[1], depth, found)
     shade(local, number, (depth, found), frame, parts, bank, light, (irradiance, tags))
 
 
-@jit
+@lean
 def _tile(f, box, scene, lists, out, scratch):
     """Cast the centre rays of one tile at frame f."""
     rays, (image, depth, tags) = scene[0], out
-    local, far, _, irradiance, faces = scratch
+    local, far, _, irradiance, faces, _ = scratch
     y0, y1, x0, x1 = box
     number = 0
     for y in range(y0, y1):
@@ -100,15 +100,14 @@ def _tile(f, box, scene, lists, out, scratch):
             k += 1
 
 
-@jit
+@lean
 def _smooth_edges(f, box, scene, lists, out, scratch):
     """Cast more rays in those pixels of a tile that see another face than a neighbour, or a fine net."""
     rays, (image, _, tags) = scene[0], out
-    local, irradiance, everywhere = scratch[0], scratch[3], lists[2]
+    local, irradiance, places, everywhere = scratch[0], scratch[3], scratch[5], lists[2]
     y0, y1, x0, x1 = box
     height, width, samples = image.shape[1], image.shape[2], rays.shape[0] - 1
     number = 0
-    places = np.empty(TILE * TILE, np.int32)
     for y in range(y0, y1):
         up, down = max(y - 1, 0), min(y + 1, height - 1)
         for x in range(x0, x1):
@@ -128,7 +127,7 @@ def _smooth_edges(f, box, scene, lists, out, scratch):
         image[f, places[place] // width, places[place] % width] = total / f32(samples)
 
 
-@jit
+@lean
 def _interpolate(image, box, stride):
     """Fill the frames between those that were cast."""
     y0, y1, x0, x1 = box
@@ -142,7 +141,7 @@ def _interpolate(image, box, stride):
                     image[f, y, x] = first + (last - first) * share
 
 
-@jit
+@lean
 def _box(row, column, out):
     height, width = out[0].shape[1:]
     return row * TILE, min(height, row * TILE + TILE), column * TILE, min(width, column * TILE + TILE)
@@ -153,7 +152,7 @@ def _scratch(scene):
     most = TILE * TILE * max(1, scene[0].shape[0] - 1)
     depth, irradiance = np.empty(most, np.float32), np.empty(most, np.float32)
     found, tags = np.empty(most, np.int32), np.empty(most, np.int32)
-    return np.empty((2, most), np.float32), depth, found, irradiance, tags
+    return np.empty((2, most), np.float32), depth, found, irradiance, tags, np.empty(TILE * TILE, np.int32)
 
 
 @jit

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from evimo.scene.compiling import scalar
+from evimo.scene.compiling import lean
 
 f32 = np.float32
 i32 = np.int32
@@ -19,7 +19,7 @@ NEAR, FAR, MISS = f32(1e-3), f32(1e9), f32(-1)
 _0, _1, _TINY = f32(0), f32(1), f32(1e-12)
 
 
-@scalar
+@lean
 def direction(to_part, i, dx, dy):
     """The camera's (dx, dy, 1) in the unit space of part i; to_part (P, 3, 3)."""
     return (
@@ -29,12 +29,12 @@ def direction(to_part, i, dx, dy):
     )
 
 
-@scalar
+@lean
 def _inverse(x):
     return _1 / (x if abs(x) > _TINY else _TINY)
 
 
-@scalar
+@lean
 def hit_box(ox, oy, oz, x, y, z, inside):
     """The cube's near side, or its far side where it is seen from `inside`."""
     ix, iy, iz = _inverse(x), _inverse(y), _inverse(z)
@@ -47,7 +47,7 @@ def hit_box(ox, oy, oz, x, y, z, inside):
     return t if far >= near else MISS
 
 
-@scalar
+@lean
 def hit_ellipsoid(ox, oy, oz, x, y, z):
     """The sphere, from outside."""
     a, b = x * x + y * y + z * z, ox * x + oy * y + oz * z
@@ -57,7 +57,7 @@ def hit_ellipsoid(ox, oy, oz, x, y, z):
     return t if root >= _0 else MISS
 
 
-@scalar
+@lean
 def hit_cylinder(ox, oy, oz, x, y, z):
     """The cylinder along z, from outside, its ends included."""
     a, b = max(x * x + y * y, _TINY), ox * x + oy * y
@@ -71,7 +71,7 @@ def hit_cylinder(ox, oy, oz, x, y, z):
     return near if root >= _0 and far >= near else MISS
 
 
-@scalar
+@lean
 def hit_grating(ox, oy, oz, x, y, z, across, down, wide, high):
     """The square net at z = 0: bars per half size across and down, and the share of each pitch that is bar."""
     t = -oz * _inverse(z)
@@ -81,7 +81,7 @@ def hit_grating(ox, oy, oz, x, y, z, across, down, wide, high):
     return t if solid and abs(px) <= _1 and abs(py) <= _1 else MISS
 
 
-@scalar
+@lean
 def hit_part(i, dx, dy, frame, parts):
     """Depth at which the ray (dx, dy, 1) meets part i, or MISS; and which triangle of a mesh.
 

@@ -6,21 +6,21 @@ Each part meets all rays of a tile in one loop without branches, which the compi
 
 import numpy as np
 
-from evimo.scene.compiling import jit
+from evimo.scene.compiling import jit, lean
 from evimo.scene.hits import FAR, NEAR, direction, hit_box, hit_cylinder, hit_ellipsoid, hit_grating
 from evimo.scene.shading import NOTHING, SKY, shade_ray
 
 i32 = np.int32
 
 
-@jit
+@lean
 def _keep(t, i, k, depth, found):
     nearer = t > NEAR and t < depth[k]
     depth[k] = t if nearer else depth[k]
     found[k] = i if nearer else found[k]
 
 
-@jit
+@lean
 def _boxes(rays, number, i, to_part, origin, inside, depth, found):
     ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
     for k in range(number):
@@ -28,7 +28,7 @@ def _boxes(rays, number, i, to_part, origin, inside, depth, found):
         _keep(hit_box(ox, oy, oz, x, y, z, inside), i, k, depth, found)
 
 
-@jit
+@lean
 def _ellipsoids(rays, number, i, to_part, origin, depth, found):
     ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
     for k in range(number):
@@ -36,7 +36,7 @@ def _ellipsoids(rays, number, i, to_part, origin, depth, found):
         _keep(hit_ellipsoid(ox, oy, oz, x, y, z), i, k, depth, found)
 
 
-@jit
+@lean
 def _cylinders(rays, number, i, to_part, origin, depth, found):
     ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
     for k in range(number):
@@ -44,7 +44,7 @@ def _cylinders(rays, number, i, to_part, origin, depth, found):
         _keep(hit_cylinder(ox, oy, oz, x, y, z), i, k, depth, found)
 
 
-@jit
+@lean
 def _gratings(rays, number, i, to_part, origin, bars, depth, found):
     ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
     across, down, wide, high = bars[i, 0], bars[i, 1], bars[i, 2], bars[i, 3]
@@ -53,7 +53,7 @@ def _gratings(rays, number, i, to_part, origin, bars, depth, found):
         _keep(hit_grating(ox, oy, oz, x, y, z, across, down, wide, high), i, k, depth, found)
 
 
-@jit
+@lean
 def trace(rays, number, frame, parts, listed, count, depth, found):
     """The nearest of the listed parts along rays (x, y, 1).
 
@@ -77,7 +77,7 @@ def trace(rays, number, frame, parts, listed, count, depth, found):
             _gratings(rays, number, i, to_part, origin, parts.openings, depth, found)
 
 
-@jit
+@lean
 def shade(rays, number, hits, frame, parts, bank, light, seen):
     """What rays (x, y, 1) see.
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from evimo.scene.compiling import scalar
+from evimo.scene.compiling import lean
 from evimo.scene.hits import direction
 
 f32 = np.float32
@@ -22,7 +22,7 @@ _COARSEST = f32(TEXTURE_LEVELS - 0.001)
 _SIDES = (f32(3.1), f32(5.7), f32(7.3))  # shifts that keep opposite faces of a box from looking alike
 
 
-@scalar
+@lean
 def _texel(texels, base, size, u, v):
     """Bilinear look-up that wraps around."""
     x, y = u * f32(size) - _HALF, v * f32(size) - _HALF
@@ -38,7 +38,7 @@ def _texel(texels, base, size, u, v):
     return top + (bottom - top) * fy
 
 
-@scalar
+@lean
 def _surface_point(shape, hx, hy, hz, a, b, c):
     """Normal (not unit, metric), texture coordinates in m, and face of a hit in unit space."""
     if shape == 0:
@@ -60,7 +60,7 @@ def _surface_point(shape, hx, hy, hz, a, b, c):
     return _0, _0, (_1 if hz > _0 else -_1), hx * a, hy * b, 1
 
 
-@scalar
+@lean
 def _pattern(texels, offsets, number, footprint, u, v):
     """Texture `number` at u, v in periods, averaged over a footprint given in texels of the finest level."""
     if footprint <= _1:
@@ -73,7 +73,7 @@ def _pattern(texels, offsets, number, footprint, u, v):
     return near + (far - near) * (level - f32(fine))
 
 
-@scalar
+@lean
 def shade_ray(dx, dy, t, found, triangle, frame, parts, bank, light):
     """Irradiance and tag of the ray (dx, dy, 1) that ends at depth t on part `found`; a tag is part * 8 + face.
 
