@@ -9,5 +9,6 @@ bare float literal to float64.
 import numba
 
 lean = numba.njit(nogil=True, error_model="numpy", cache=True, _nrt=False)  # pyright: ignore[reportCallIssue]
+scalar = lean  # its old name, in mesh_hits.py
 jit = numba.njit(nogil=True, error_model="numpy", cache=True)
 parallel = numba.njit(nogil=True, error_model="numpy", cache=True, parallel=True)
