@@ -1,6 +1,6 @@
 """Speed of every stage on two cores: prints a table, writes out/bench.json. `make bench` runs this.
 
-    python bench/speed.py [--only slicing,run,simulate,onnx,warping] [--out out/bench.json]
+    python bench/speed.py [--only slicing,simulate,rendering,run,onnx,warping] [--out out/bench.json]
 
 Peers are timed in turn within this very run, and medians compared: absolute times mean little on a shared machine.
 What cannot be measured here is listed with the reason. The JSON has one key per number; `rows` says more.
@@ -71,6 +71,17 @@ def simulate() -> Iterator[Row]:
     slices = recordings * seconds / 0.025
     note = f"{recordings} recordings of {seconds:g} s, one of each set, {CORES} processes, start included"
     yield row("simulate_slices_per_s", slices / wall_s, "slices/s", must=3.4, aim=6.0, note=note)
+
+
+def rendering() -> Iterator[Row]:
+    """The renderer's frames per second beside Embree's of the same rays."""
+    from rendering import rendering_rows
+
+    yield from rendering_rows()
+    if find_spec("embreex") is None:
+        raise Skipped(
+            "embreex is not installed, so that only our own renderer was timed: it needs evimo[dev] on x86-64"
+        )
 
 
 def full_size() -> Path:
@@ -169,6 +180,7 @@ def warping() -> Iterator[Row]:
 MEASUREMENTS: dict[str, Callable[[], Iterator[Row]]] = {
     "slicing": slicing,
     "simulate": simulate,
+    "rendering": rendering,
     "run": run,
     "onnx": onnx,
     "warping": warping,
