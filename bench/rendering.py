@@ -2,9 +2,9 @@
 
     python bench/rendering.py
 
-In turn, in CPU time, one thread each. The renderer does more per frame: it shades, and casts four rays more in pixels at
-edges. Embree says only what each ray meets; its tree over all triangles is built anew for each frame, as things move,
-which is counted apart.
+In turn, in CPU time, one thread each. The renderer does more per frame: it shades, and casts four more rays in pixels
+at edges. Embree says only what each ray meets; its tree over all triangles is built anew for each frame, as things
+move, which is counted apart.
 Boxes, cylinders and nets as triangles are exact or nearly so, ellipsoids have 1280: the notes say in how many pixels
 both see the same depth to 1 %.
 """
