@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,20 +21,21 @@ from evimo.scene.pools import POOLS
 from evimo.scene.renderer import Renderer
 from evimo.scene.textures import texture_bank
 from evimo.simulate.cameras import draw_camera
+from evimo.simulate.film import Film, steps
 from evimo.simulate.imu import ImuSettings, measured
 from evimo.simulate.labelled_events import LabelledEvents, ids_of
 from evimo.simulate.own_folders import OWN, OwnFolders
-from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.poses import scene_poses
 from evimo.simulate.sensor import SensorSettings, draw_sensor, known_sensor
+
+if TYPE_CHECKING:
+    from evimo.simulate.cuda_film import CudaFilm
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
 SLICE_S = SLICE_US * 1e-6
 WARM_UP_S = 0.015  # its events are dropped: by then refractory periods and the low-pass have settled
-STEP_PX = 0.75  # the fastest one pixel in a hundred moves this far between frames
-SHORTEST_S, LONGEST_S = 0.0004, 0.005  # between frames
 RECORDINGS_PER_BANK = 64  # of textures: building one takes seconds
 ATTEMPTS = 40
 GLANCES = 5  # at a scene before it is filmed, at least
@@ -73,6 +75,7 @@ class SimulatedRecording:
 
     seed, set_number: it is made from these alone (and seconds, camera and sensor). settings: of the sensor.
     sensor: its kind. part, room: what its scene was held to, if it was. own: the user's folders it was drawn from.
+    device: that films it, `cpu` or `cuda`.
     """
 
     seed: int
@@ -86,6 +89,7 @@ class SimulatedRecording:
     part: str | None = None
     room: str | None = None
     own: OwnFolders = OWN
+    device: str = "cpu"
 
     @property
     def slices(self) -> int:
@@ -94,8 +98,7 @@ class SimulatedRecording:
 
     def __iter__(self) -> Iterator[SimulatedSlice]:
         """Film it: constant memory, whatever the length."""
-        rng = np.random.default_rng((self.seed, self.set_number, EVENT_STREAM))
-        film = _Film(Renderer(self.scene, self.camera), self.settings, rng)
+        film = _Slices(self)
         waiting, held = film.run(-WARM_UP_S, 0.0).labelled, None
         for index in range(self.slices):
             newest = film.run(index * SLICE_S, (index + 1) * SLICE_S)
@@ -131,6 +134,7 @@ class SimulatedRecording:
             "movers": len(self.scene.movers),
             "clutter_bodies": sum(body.clutter for body in self.scene.bodies),
             "attempts": self.attempts,
+            "device": self.device,
             **held,
             **self.own.facts(),
         }
@@ -204,40 +208,32 @@ def _is_watchable(scene: Scene, camera: Camera, seconds: float, glances: int) ->
     return movers.max() < 0.5 and (not scene.movers or movers.max() > LEAST_VISIBLE)
 
 
-class _Film:
-    """Renders in steps fine enough for the motion and feeds the pixels; keeps the last frame."""
+class _Slices:
+    """Films a scene slice by slice."""
 
-    def __init__(self, renderer: Renderer, settings: SensorSettings, rng: np.random.Generator) -> None:
-        self.renderer, self.settings = renderer, settings
-        self.last = renderer.frames(np.array([-WARM_UP_S]))
-        self.blurred = blurred(self.last.image, settings.blur_px)
-        self.pixels = Pixels(settings, rng, first=self.blurred[0], start_s=-WARM_UP_S)
+    def __init__(self, recording: SimulatedRecording) -> None:
+        renderer, settings = Renderer(recording.scene, recording.camera), recording.settings
+        rng = np.random.default_rng((recording.seed, recording.set_number, EVENT_STREAM))
+        self.renderer, self.tick_us = renderer, settings.tick_us
+        self.film = _film_on(recording.device)(renderer, settings, rng, start_s=-WARM_UP_S)
 
     def run(self, start_s: float, stop_s: float) -> SimulatedSlice:
         """Events of [start_s, stop_s) up to jitter, and the truth in the middle."""
-        middle_s = 0.5 * (start_s + stop_s)
-        quarters, strides = self._steps(middle_s, stop_s - start_s)
-        time_s = np.linspace(start_s, stop_s, 4 * quarters + 1)
-        self.last = self.renderer.film(time_s, strides, self.last)
-        image = np.concatenate((self.blurred, blurred(self.last.image[1:], self.settings.blur_px)))
-        self.blurred = image[-1:]
-        events = self.pixels.events(image, time_s)
-        ids = ids_of(events, self.renderer, self.last, time_s=time_s, strides=strides)
-        seen = self.last.seen(2 * quarters)
+        time_s, strides = steps(self.renderer, start_s, stop_s)
+        events, frames, strides = self.film.run(time_s, strides)
+        ids = ids_of(events, self.renderer, frames, time_s=time_s, strides=strides)
+        seen = frames.seen(len(time_s) // 2)
         clutter = np.where(seen[1] >= 0, self.renderer.packed.clutter[np.maximum(seen[1], 0)], 0)
-        truth = self.renderer.truth(round(middle_s * 1e6), seen)
-        return SimulatedSlice(_on_clock(events, self.settings.tick_us), truth, clutter.astype(np.uint8), ids)
+        truth = self.renderer.truth(round(0.5 * (start_s + stop_s) * 1e6), seen)
+        return SimulatedSlice(_on_clock(events, self.tick_us), truth, clutter.astype(np.uint8), ids)
 
-    def _steps(self, time_s: float, seconds: float) -> tuple[int, NDArray[np.int32]]:
-        """A quarter of the number of steps, for the image motion at this time; and each tile's stride, 1, 2 or more."""
-        speed = np.linalg.norm(self.renderer.glance_flow(time_s), axis=0) * self.renderer.camera.fx
-        wanted = np.clip(STEP_PX / np.maximum(speed, 1e-3), SHORTEST_S, LONGEST_S)
-        quarters = math.ceil(seconds / float(np.percentile(wanted, 1)) / 4)
-        fastest = self.renderer.by_tile(speed)
-        possible = np.array([n for n in (1, 2, 4, 8, 16) if 2 * quarters % n == 0])
-        step_s = seconds / (4 * quarters)
-        enough = np.clip(STEP_PX / np.maximum(fastest, 1e-3), 0, LONGEST_S) / step_s
-        return quarters, possible[np.searchsorted(possible, enough, "right").clip(1) - 1].astype(np.int32)
+
+def _film_on(device: str) -> "type[Film | CudaFilm]":
+    if device == "cpu":
+        return Film
+    from evimo.simulate.cuda_film import CudaFilm
+
+    return CudaFilm
 
 
 def _on_clock(events: Events, tick_us: int) -> Events:
