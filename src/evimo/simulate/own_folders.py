@@ -1,4 +1,7 @@
-"""A user's own textures and meshes: found, read once in each process, and told apart by their contents."""
+"""A user's own textures and meshes: found, read once in each process, and told apart by their contents.
+
+A folder is taken to stay as it is while the process lasts; `forget` makes it be read anew.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,6 +13,7 @@ from evimo.scene.mesh_files import load_meshes, mesh_files
 from evimo.scene.meshes import MeshBank
 from evimo.scene.natural import SUFFIXES, own_photos
 from evimo.scene.own_files import OwnFiles, own_files
+from evimo.scene.textures import texture_bank
 
 KEPT = 4  # folders whose content is kept in memory
 
@@ -75,6 +79,12 @@ def own_folders_of(facts: dict[str, Any]) -> OwnFolders:
         if fact["sha256"] != told[name]["sha256"]:
             raise NotFound(f"the {name} in {fact['folder']} are others than they were", fix="the folder as it was")
     return folders
+
+
+def forget() -> None:
+    """Read every folder anew when it is used next."""
+    for cached in (_listed, _meshes, own_photos, texture_bank):
+        cached.cache_clear()
 
 
 @lru_cache(maxsize=KEPT)

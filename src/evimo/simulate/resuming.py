@@ -34,14 +34,16 @@ def as_made(facts: dict[str, Any]) -> dict[str, Any]:
         "seconds": facts.get("seconds"),
         "part": facts.get("part"),
         "room": facts.get("room"),
+        "device": facts.get("device", "cpu"),
         **own_content(facts),
     }
 
 
 def own_content(facts: dict[str, Any]) -> dict[str, str]:
     """What textures and meshes of the user's own it has, by name; folders of the same content are the same."""
-    told = {name: facts.get(name) for name in ("textures", "meshes")}
-    return {name: f"of sha256 {fact['sha256'][:12]}" if fact else "ours" for name, fact in told.items()}
+    ours = {"textures": "of the package alone", "meshes": "none"}
+    told = {name: facts.get(name) for name in ours}
+    return {name: f"of sha256 {fact['sha256'][:12]}" if fact else ours[name] for name, fact in told.items()}
 
 
 def _words(values: dict[str, Any], names: list[str]) -> str:
