@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from evimo.scene.compiling import scalar
+from evimo.scene.compiling import lean
 
 f32 = np.float32
 i32 = np.int32
@@ -21,12 +21,12 @@ _NEAR, _TINY = f32(1e-3), f32(1e-12)
 _WIDER = f32(1.000002)  # a box's far side, so that rounding misses no box
 
 
-@scalar
+@lean
 def _reciprocal(x):
     return _1 / (x if abs(x) > _TINY else (_TINY if x >= _0 else -_TINY))
 
 
-@scalar
+@lean
 def _shear(x, y, z):
     """Axes of a ray's frame, the largest component last, and its shear in the others: kx, ky, kz, sx, sy, sz."""
     ax, ay, az = abs(x), abs(y), abs(z)
@@ -40,7 +40,7 @@ def _shear(x, y, z):
     return 0, 1, 2, x * inverse, y * inverse, inverse
 
 
-@scalar
+@lean
 def _hit_triangle(corners, k, origin, frame):
     """Ray parameter of triangle k, negative where it is missed."""
     ox, oy, oz = origin
@@ -58,7 +58,7 @@ def _hit_triangle(corners, k, origin, frame):
     return sz * (u * az + v * bz + w * cz) / whole
 
 
-@scalar
+@lean
 def hit_mesh(boxes, nodes, misses, corners, root, ox, oy, oz, x, y, z, nearest):
     """The nearest triangle of one mesh along a ray, in the mesh's unit space.
 
@@ -99,7 +99,7 @@ def hit_mesh(boxes, nodes, misses, corners, root, ox, oy, oz, x, y, z, nearest):
     return best, found
 
 
-@scalar
+@lean
 def mesh_normal(corners, normals, triangle, hx, hy, hz, x, y, z):
     """Unit normal, towards where the ray x, y, z came from, at a point of a triangle: smooth except at creases.
 
