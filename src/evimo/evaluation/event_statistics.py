@@ -46,6 +46,11 @@ class EventStatistics:
     counts: NDArray[np.int64]
     per_slice: NDArray[np.int64]
 
+    @property
+    def seconds(self) -> float:
+        """How long its whole slices last."""
+        return self.slices * SLICE_US * 1e-6
+
 
 def event_statistics(
     recording: EventFile, *, name: str = "", advance: Callable[[], object] | None = None

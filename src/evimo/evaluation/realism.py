@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadInput
-from evimo.evaluation.event_statistics import ALONE_US, HOT_EVENTS, HOT_HZ, HOT_TIMES, EventStatistics, shares_up_to
+from evimo.evaluation.event_statistics import (
+    ALONE_US,
+    HOT_EVENTS,
+    HOT_HZ,
+    HOT_TIMES,
+    INTERVAL_PERCENTILES,
+    EventStatistics,
+    shares_up_to,
+)
+from evimo.events.slices import SLICE_US
 
 FORMAT = 1
 """Of realism.json; grows when the meaning of a number changes."""
@@ -50,18 +59,22 @@ class Measure:
         return f"±{self.margin:g}" if self.margin is not None else "–"
 
 
-def _interval(percent: str) -> Measure:
+def _interval(percent: float) -> Measure:
     return Measure(
-        name=f"interval_{percent}",
-        header=f"interval p{percent}",
-        meaning=f"time between an event and the next of its pixel: {percent} % are shorter, of those up to 25 ms",
+        name=f"interval_{percent:g}",
+        header=f"interval p{percent:g}",
+        meaning=f"time between an event and the next of its pixel: {percent:g} % are shorter, of those up to 25 ms",
         unit="ms",
         factor=1.5,
     )
 
 
+# Why so far: four real DAVIS clips, cameras at rest and moving, differ in their intervals by 1.2 to 2.1 between the
+# extremes, and have 1.61 to 1.89 events per active pixel, 0.47 to 0.62 with one and 0.03 to 0.09 with four. ON fractions
+# (0.39 to 0.52) and polarity changes (0.25 to 0.81) are also of what is seen. Noise goes with the light: tenfold between
+# two cameras of one kind, so that a factor of two beyond is little.
 MEASURES: tuple[Measure, ...] = (
-    *(_interval(percent) for percent in ("0.1", "1", "5", "25", "50")),
+    *(_interval(percent) for percent in INTERVAL_PERCENTILES),
     Measure(name="longer", header="intervals >25 ms", meaning="share of all intervals"),
     Measure(
         name="changes", header="polarity changes", meaning="share of intervals after which polarity differs", margin=0.1
@@ -189,7 +202,7 @@ class Realism:
         return {
             "format": FORMAT,
             "evimo": importlib.metadata.version("evimo"),
-            "slice_ms": 25,
+            "slice_ms": SLICE_US // 1000,
             "verdicts": {
                 each.measure.name: {**asdict(each), "measure": asdict(each.measure)} for each in self.verdicts
             },

@@ -16,7 +16,8 @@ NO_VERDICT = "scene"
 HOW_TO_READ = """\
 The range of the real recordings is widened by the tolerance; `OUTSIDE` says how far the simulated recordings' median
 lies from the range itself, as a ratio or a difference. Rows marked `scene` depend on the scene and on how the camera
-moves and are not judged; the others depend on them less."""
+moves and are not judged; the others depend on them less. Isolated events are noise where the camera stands still and
+mostly weak texture where it moves: compare like with like."""
 
 
 def heads(realism: Realism) -> list[str]:
@@ -64,7 +65,7 @@ def notes(realism: Realism) -> list[str]:
     judged = sum(verdict.inside is not None for verdict in realism.verdicts)
     outside = [verdict.measure.header for verdict in realism.outside]
     lines = [
-        f"{kind}: {len(those)} recordings, {sum(each.slices for each in those) * 0.025:.1f} s in slices of 25 ms, "
+        f"{kind}: {len(those)} recordings, {sum(each.seconds for each in those):.1f} s in slices of 25 ms, "
         f"{sum(each.events for each in those):,} events"
         for kind, those in (("real", realism.real), ("simulated", realism.simulated))
     ]
@@ -96,9 +97,7 @@ def as_markdown(realism: Realism) -> str:
     for kind, those in (("real", realism.real), ("simulated", realism.simulated)):
         for each in those:
             values = [number(measure, each.values[measure.name]) for measure in measures]
-            lines.append(
-                table_line([f"{kind}: {each.name}", f"{each.slices * 0.025:.2f}", f"{each.events:,}", *values])
-            )
+            lines.append(table_line([f"{kind}: {each.name}", f"{each.seconds:.2f}", f"{each.events:,}", *values]))
     lines += ["", "## what the rows are", ""]
     lines += [
         f"- **{measure.header}**{f' [{measure.unit}]' if measure.unit else ''}: {measure.meaning}"
