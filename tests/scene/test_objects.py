@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 
-from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID
-from evimo.scene.objects import LARGEST, SMALLEST, compound, reach
+from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, MESH
+from evimo.scene.meshes import mesh_bank
+from evimo.scene.objects import LARGEST, MESHES, SMALLEST, compound, reach, size_of
 from evimo.scene.paint import Paint
+from evimo.scene.pools import POOLS
 
 
 def is_inside(part, points):
@@ -44,3 +46,29 @@ def test_reach_ends_at_the_surface(shape, bank):
     ends = np.array([reach(shape, part.half, w) for w in way])[:, None] * way @ part.rotation.T
     assert is_inside(part, part.position + 0.999 * ends).all()
     assert not is_inside(part, part.position + 1.001 * ends).any()
+
+
+@pytest.fixture(scope="module")
+def meshes():
+    """Three tetrahedra, each twice as high (z) as wide."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 2]])
+    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
+    return mesh_bank([(corners, faces)] * 3)
+
+
+def test_some_things_are_the_users_meshes_and_pools_share_none(bank, meshes):
+    paint, seen = Paint(bank, 0.5, (0.5, 2), (0.1, 0.3)), {}
+    for part, pool in POOLS.items():
+        drawn = [compound(np.random.default_rng(seed), paint, pool, meshes) for seed in range(300)]
+        own = [parts for parts in drawn if parts[0].shape == MESH]
+        assert len(own) / len(drawn) == pytest.approx(MESHES, abs=0.1)
+        assert all(SMALLEST <= 2 * parts[0].half[0] <= LARGEST for parts in own)
+        seen[part] = {parts[0].mesh for parts in own}
+    assert seen == {"train": {0, 2}, "test": {1}}
+
+
+def test_a_mesh_is_as_large_as_its_triangles(bank, meshes):
+    paint = Paint(bank, 0.5, (0.5, 2), (0.1, 0.3))
+    parts = next(p for k in range(99) if (p := compound(np.random.default_rng(k), paint, None, meshes))[0].mesh >= 0)
+    half = parts[0].half[0]
+    np.testing.assert_allclose(size_of(parts, meshes), [half / 2, half / 2, half], rtol=1e-6)
