@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from evimo.simulate.own_folders import OwnFolders
     from evimo.simulate.replica import ReplicaPlan
 
-REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers"
+REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers, --device"
 
 
 def simulate(
@@ -35,6 +35,7 @@ def simulate(
     texture_dir: Path | None = None,
     mesh_dir: Path | None = None,
     workers: int = 1,
+    device: Literal["cpu", "cuda"] = "cpu",
     replica: bool = False,
 ) -> None:
     """Simulate recordings of a moving event camera with exact depth, ids and motion.
@@ -59,10 +60,13 @@ def simulate(
         texture_dir: folder of PNG and JPEG pictures; textures are cut from them, besides those of the package.
         mesh_dir: folder of PLY, OBJ, STL, OFF and GLB files, or scans of points as PLY; four in ten things are these.
         workers: processes.
-        replica: of EV-IMO; takes minutes, seed, size, workers and both folders, but none of the other choices.
+        device: that renders and fires the pixels; cuda is an NVIDIA GPU, of which all workers have their share.
+        replica: of EV-IMO; takes minutes, seed, size, workers, device and both folders, none of the other choices.
     """
+    from evimo.simulate.film import check_device
     from evimo.simulate.own_folders import OwnFolders
 
+    check_device(device)
     own = OwnFolders(texture_dir, mesh_dir)
     if replica:
         defaults = (set, sensor, seconds, camera, layout, events) == ("all", "davis346", 1.0, "random", "evimo2", None)
@@ -71,7 +75,7 @@ def simulate(
         from evimo.simulate.replica import MINUTES, ReplicaPlan
 
         minutes = MINUTES if minutes is None else minutes
-        replica_plan = ReplicaPlan(minutes=minutes, seed=seed, size=_size(size), own=own)
+        replica_plan = ReplicaPlan(minutes=minutes, seed=seed, size=_size(size), own=own, device=device)
         _write_replica(replica_plan, out, workers)
         return
     if minutes is None:
@@ -89,6 +93,7 @@ def simulate(
         layout=layout,
         events=events,
         own=own,
+        device=device,
     )
     _write_dataset(plan, out, workers)
 

@@ -16,6 +16,7 @@ from evimo.recordings.event_files import check_events_format, save_events
 from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.writer import RecordingWriter
 from evimo.scene.draw import SETS
+from evimo.simulate.film import check_device
 from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording
 from evimo.simulate.resuming import check_made_alike, own_content
@@ -33,7 +34,7 @@ class DatasetPlan:
     seconds: of each recording. camera: `random` or `evimo`. sensor: one of `sensor.SENSORS`.
     size: (height, width) in px, if not the sensor's own. layout: `evimo2`, a folder, or `evimo1`, an .npz.
     events: `aedat4` or `raw` for one more file of the events alone, beside each recording.
-    part, room, own: as in `simulate_recording`.
+    part, room, own, device: as in `simulate_recording`.
     """
 
     set_number: int
@@ -48,6 +49,7 @@ class DatasetPlan:
     part: str | None = None
     room: str | None = None
     own: OwnFolders = OWN
+    device: str = "cpu"
 
     def __post_init__(self) -> None:
         height, width = self.pixels
@@ -96,7 +98,7 @@ class DatasetPlan:
     def made_of(self) -> dict[str, Any]:
         """What all its recordings share, in the words of `resuming.as_made`."""
         height, width = self.pixels
-        shared = {name: getattr(self, name) for name in ("sensor", "camera", "seconds", "part", "room")}
+        shared = {name: getattr(self, name) for name in ("sensor", "camera", "seconds", "part", "room", "device")}
         return {**shared, "size": f"{width}x{height}", **own_content(self.own.facts())}
 
     def _name(self, seed: int) -> str:
@@ -107,10 +109,12 @@ def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Itera
     """Write the recordings of a plan that do not exist yet, and yield the path of each when it is complete.
 
     Raises:
-        BadInput: a recording that exists was made with another sensor, size, camera, length or folder of the user's.
+        BadInput: a recording that exists was made with another sensor, size, camera, length, folder of the user's or
+            device; or there is no such device.
         NotFound, BadFile: as `OwnFolders.check` says.
     """
     plan.own.check()
+    check_device(plan.device)
     seeds = range(plan.seed, plan.seed + plan.recordings)
     paths = (plan.recording(out, seed) for seed in seeds)
     check_made_alike((path for path in paths if path.exists()), plan.made_of())
@@ -134,6 +138,7 @@ def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:
             part=plan.part,
             room=plan.room,
             own=plan.own,
+            device=plan.device,
         )
         with _writer(plan, recording, path) as writer:
             for piece in recording:

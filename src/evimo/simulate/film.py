@@ -1,15 +1,19 @@
 """From a scene to events: frames in steps fine enough for the motion, through the lens, into the pixels."""
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.errors import BadInput
 from evimo.events.events import Events
 from evimo.scene.renderer import Frames, Renderer
 from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.sensor import SensorSettings
+
+if TYPE_CHECKING:
+    from evimo.simulate.cuda_film import CudaFilm
 
 F8 = NDArray[np.float64]
 Strides = NDArray[np.int32]
@@ -43,6 +47,29 @@ class Film:
         image = np.concatenate((self.blurred, blurred(self.last.image[1:], self.settings.blur_px)))
         self.blurred = image[-1:]
         return Exposed(self.pixels.events(image, time_s), self.last, strides)
+
+
+def check_device(device: str) -> None:
+    """Make sure that it can film.
+
+    Raises:
+        BadInput: it is neither `cpu` nor `cuda`, or there is no GPU or no numba-cuda.
+    """
+    if device not in ("cpu", "cuda"):
+        raise BadInput(f"no device {device!r}", fix="cpu or cuda")
+    if device == "cuda":
+        from evimo.scene.on_device import check_cuda
+
+        check_cuda()
+
+
+def film_on(device: str) -> "type[Film | CudaFilm]":
+    """The kind of film that a device makes."""
+    if device == "cpu":
+        return Film
+    from evimo.simulate.cuda_film import CudaFilm
+
+    return CudaFilm
 
 
 def steps(renderer: Renderer, start_s: float, stop_s: float) -> tuple[F8, Strides]:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +20,12 @@ from evimo.scene.pools import POOLS
 from evimo.scene.renderer import Renderer
 from evimo.scene.textures import texture_bank
 from evimo.simulate.cameras import draw_camera
-from evimo.simulate.film import Film, steps
+from evimo.simulate.film import check_device, film_on, steps
 from evimo.simulate.imu import ImuSettings, measured
 from evimo.simulate.labelled_events import LabelledEvents, ids_of
 from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.poses import scene_poses
 from evimo.simulate.sensor import SensorSettings, draw_sensor, known_sensor
-
-if TYPE_CHECKING:
-    from evimo.simulate.cuda_film import CudaFilm
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -151,6 +147,7 @@ def simulate_recording(
     part: str | None = None,
     room: str | None = None,
     own: OwnFolders = OWN,
+    device: str = "cpu",
 ) -> SimulatedRecording:
     """Draw a recording of one of the paper's sets.
 
@@ -160,15 +157,17 @@ def simulate_recording(
         size: height and width in px, if not the sensor's own.
         part: `train` or `test` draws textures and shapes that the other, and a recording without, never have.
         room: one of the set's. own: folders of pictures for textures, and of meshes.
+        device: that films it, `cpu` or `cuda`: the same scene, but not quite the same events (docs/simulate.md).
 
     Raises:
-        BadInput: no such set, camera, sensor, part or room, or less than one slice.
+        BadInput: no such set, camera, sensor, part, room or device, or less than one slice.
         NotFound, BadFile: as `OwnFolders.check` says.
     """
     if set_number not in SETS:
         raise BadInput(f"no set {set_number}", fix="a set from 1 to 6")
     if round(seconds / SLICE_S) < 1:
         raise BadInput(f"a recording of {seconds} s", fix="at least 0.025 s")
+    check_device(device)
     kind = known_sensor(sensor)
     style, pool = _style(set_number, part, room), POOLS[part] if part else None
     bank = (pool.bank if pool else texture_bank)(seed // RECORDINGS_PER_BANK, images=own.textures)
@@ -182,9 +181,8 @@ def simulate_recording(
         attempt += 1
         if _is_watchable(scene, lens, seconds, glances) or attempt == ATTEMPTS:
             settings = draw_sensor(rng, dark=style.dark or rng.random() < DARK, sensor=sensor)
-            return SimulatedRecording(
-                seed, set_number, seconds, lens, scene, settings, attempt, sensor=sensor, part=part, room=room, own=own
-            )
+            drawn = SimulatedRecording(seed, set_number, seconds, lens, scene, settings, attempt)
+            return replace(drawn, sensor=sensor, part=part, room=room, own=own, device=device)
 
 
 def _style(set_number: int, part: str | None, room: str | None) -> SetStyle:
@@ -215,7 +213,7 @@ class _Slices:
         renderer, settings = Renderer(recording.scene, recording.camera), recording.settings
         rng = np.random.default_rng((recording.seed, recording.set_number, EVENT_STREAM))
         self.renderer, self.tick_us = renderer, settings.tick_us
-        self.film = _film_on(recording.device)(renderer, settings, rng, start_s=-WARM_UP_S)
+        self.film = film_on(recording.device)(renderer, settings, rng, start_s=-WARM_UP_S)
 
     def run(self, start_s: float, stop_s: float) -> SimulatedSlice:
         """Events of [start_s, stop_s) up to jitter, and the truth in the middle."""
@@ -226,14 +224,6 @@ class _Slices:
         clutter = np.where(seen[1] >= 0, self.renderer.packed.clutter[np.maximum(seen[1], 0)], 0)
         truth = self.renderer.truth(round(0.5 * (start_s + stop_s) * 1e6), seen)
         return SimulatedSlice(_on_clock(events, self.tick_us), truth, clutter.astype(np.uint8), ids)
-
-
-def _film_on(device: str) -> "type[Film | CudaFilm]":
-    if device == "cpu":
-        return Film
-    from evimo.simulate.cuda_film import CudaFilm
-
-    return CudaFilm
 
 
 def _on_clock(events: Events, tick_us: int) -> Events:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from evimo.errors import BadInput
 from evimo.simulate.dataset import DatasetPlan, write_recording
+from evimo.simulate.film import check_device
 from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.recording import SLICE_S
 from evimo.simulate.workers import finished
@@ -66,6 +67,7 @@ class ReplicaPlan:
 
     minutes: of recording in all; sequences have whole slices of 25 ms, and so has the sum.
     seed: of the first sequence; others follow. size: (height, width) in px, if not the sensor's own.
+    device: that films it.
     own: folders of the user's; each part has every other file, so that testing shows nothing that training has.
     """
 
@@ -73,6 +75,7 @@ class ReplicaPlan:
     seed: int = 0
     size: tuple[int, int] | None = None
     own: OwnFolders = OWN
+    device: str = "cpu"
 
     def __post_init__(self) -> None:
         if not SEQUENCES * SLICE_S <= self.minutes * 60 < inf:
@@ -110,6 +113,7 @@ class ReplicaPlan:
             part=sequence.part,
             room=sequence.room,
             own=self.own,
+            device=self.device,
         )
 
     def index(self) -> dict[str, object]:
@@ -117,6 +121,7 @@ class ReplicaPlan:
         height, width = self.dataset(self.sequences[0]).pixels
         own = {name: fact["sha256"] for name, fact in self.own.facts().items()}
         plan = {"minutes": self.minutes, "seed": self.seed, "width": width, "height": height, **own}
+        plan |= {} if self.device == "cpu" else {"device": self.device}
         return {**plan, "sequences": [asdict(sequence) for sequence in self.sequences]}
 
 
@@ -124,10 +129,11 @@ def simulate_replica(plan: ReplicaPlan, out: Path, *, workers: int = 1) -> Itera
     """Write the index and the sequences that do not exist yet; yield each sequence when it is complete.
 
     Raises:
-        BadInput: `out` holds a replica of another plan.
+        BadInput: `out` holds a replica of another plan, or there is no such device.
         NotFound, BadFile: as `OwnFolders.check` says.
     """
     plan.own.check()
+    check_device(plan.device)
     _write_index(plan, out)
     complete = [sequence for sequence in plan.sequences if (out / sequence.path).exists()]
     yield from complete
