@@ -69,10 +69,10 @@ def _interval(percent: float) -> Measure:
     )
 
 
-# Why so far: four real DAVIS clips, cameras at rest and moving, differ in their intervals by 1.2 to 2.1 between the
-# extremes, and have 1.61 to 1.89 events per active pixel, 0.47 to 0.62 with one and 0.03 to 0.09 with four. ON fractions
-# (0.39 to 0.52) and polarity changes (0.25 to 0.81) are also of what is seen. Noise goes with the light: tenfold between
-# two cameras of one kind, so that a factor of two beyond is little.
+# Why so far: four real DAVIS clips, cameras at rest and moving, differ in their intervals by 1.2 to 2.1 between them,
+# and have 1.61 to 1.89 events per active pixel, 0.47 to 0.62 with one and 0.03 to 0.09 with four. ON fractions (0.39 to
+# 0.52) and polarity changes (0.25 to 0.81) are also of what is seen. Noise goes with the light: tenfold between two
+# cameras of one kind, so that a factor of two beyond is little.
 MEASURES: tuple[Measure, ...] = (
     *(_interval(percent) for percent in INTERVAL_PERCENTILES),
     Measure(name="longer", header="intervals >25 ms", meaning="share of all intervals"),
