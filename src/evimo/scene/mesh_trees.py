@@ -5,9 +5,9 @@ import numpy as np
 
 from evimo.scene.compiling import jit
 
-LEAF = 4  # triangles at most, where they can be told apart
+LEAF = 8  # triangles at most, where they can be told apart
 BINS = 16
-_STEP = 0.3  # cost of visiting a node, in tests of a triangle
+_STEP = 2.0  # cost of visiting a node, in tests of a triangle
 
 
 @jit
