@@ -1,6 +1,7 @@
 """`evimo evaluate` on recordings made by hand, with a model that knows the truth."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +16,9 @@ from evimo.evaluation.report import MODEL, load_report
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.estimate import Estimate
+from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.flow import true_flow
+from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.recording import Recording, open_recording
 from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.recordings.writer import RecordingWriter
@@ -42,8 +45,13 @@ def events_in(k: int) -> Events:
     return Events(x.astype(np.uint16), y.astype(np.uint16), t, np.ones(len(x), np.int8))
 
 
-def save_recording(folder: Path) -> Path:
-    with RecordingWriter(folder, CAMERA, facts={"set": 4, "seed": 0}) as writer:
+def at_rest(times_us):
+    still = np.tile(np.eye(4), (len(times_us), 1, 1))
+    return PoseTrack(times_us, still, np.array([1], np.uint8), still[:, None])
+
+
+def save_recording(folder: Path, writes: type[RecordingWriter] | type[Evimo1Writer] = RecordingWriter) -> Path:
+    with writes(folder, CAMERA, facts={"set": 4, "seed": 0}, poses=at_rest) as writer:
         for k in range(SLICES):
             writer.write(events_in(k), truth_at(k * 25_000 + 12_500))
     return folder
@@ -143,6 +151,18 @@ def test_recordings_scored_before_are_not_scored_again(runs, recordings, tmp_pat
     main([*command, "--model", "other.onnx", "--density-threshold", "1.5"])
     assert len(runs) == 7
     assert json.loads((tmp_path / "out" / "report.json").read_text())["settings"]["density threshold"] == 1.5
+
+
+def test_files_in_the_layout_of_ev_imo_score_as_folders_do(runs, recordings, tmp_path):
+    file = save_recording(tmp_path / "v1" / "c.npz", Evimo1Writer)
+    (tmp_path / "v1" / ".d.npz.unfinished").mkdir()
+    shutil.copy(file, tmp_path / "v1" / ".d.npz.unfinished" / "packed.npz")
+    np.savez(tmp_path / "v1" / "other.npz", x=np.zeros(3))
+    assert recordings_in([recordings, tmp_path / "v1", file]) == [recordings / "a", recordings / "b", file]
+    for name, path in (("v2", recordings / "a"), ("v1", file)):
+        assert main(["evaluate", str(path), "--out", str(tmp_path / name / "out")]) == 0
+    reports = [load_report(tmp_path / name / "out" / "report.json") for name in ("v1", "v2")]
+    assert reports[0].rows == reports[1].rows
 
 
 def test_each_recording_counts_once_however_it_is_named(recordings):

@@ -83,7 +83,7 @@ def test_ids_of_events_are_read_back_mapped_and_are_as_many(tmp_path, folder, ca
 @pytest.mark.parametrize("wrong", [np.zeros(79, np.uint8), np.zeros((80, 1), np.uint8), np.zeros(80), np.array([{}])])
 def test_ids_that_do_not_fit_the_events_are_refused(folder, wrong):
     np.save(folder / "dataset_events_id.npy", wrong)
-    with pytest.raises(BadFile, match="dataset_events_id"):
+    with pytest.raises(BadFile, match=r"ids of events|dataset_events_id"):
         _ = open_recording(folder).event_ids
 
 
@@ -108,7 +108,7 @@ def test_what_the_imu_says_is_read_back_without_a_pickle(tmp_path, folder, camer
 def test_imu_arrays_that_do_not_fit_are_refused(folder, imu):
     for wrong in ({"gyro": imu.gyro[:-1]}, {"accel": imu.accel[:, :2]}, {"t_us": np.array([imu], dtype=object)}):
         np.savez(folder / "dataset_imu.npz", **imu.arrays() | wrong)
-        with pytest.raises(BadFile, match="dataset_imu"):
+        with pytest.raises(BadFile, match=r"IMU|dataset_imu"):
             _ = open_recording(folder).imu
 
 

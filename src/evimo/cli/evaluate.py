@@ -16,7 +16,7 @@ from evimo.evaluation.report import Report, load_report
 from evimo.evaluation.scoring import score_recording
 from evimo.evaluation.tables import as_markdown, as_rich
 from evimo.recordings.estimate import Estimate
-from evimo.recordings.recording import Recording, open_recording
+from evimo.recordings.recording import Recording, knows_truth, open_recording
 from evimo.streaming.inference import Network
 
 INFO = "dataset_info.json"
@@ -29,7 +29,7 @@ def evaluate(
     """Score a model on simulated recordings, beside the trivial answers.
 
     Args:
-        paths: folders of recordings, or folders that hold such folders.
+        paths: recordings, folders or .npz files, or folders that hold them.
         model: tiny, or the path of an ONNX file.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
@@ -46,23 +46,31 @@ def evaluate(
 
 
 def recordings_in(paths: Iterable[Path]) -> list[Path]:
-    """The recordings' folders, sorted within each path, each once.
+    """The recordings, folders and .npz files, sorted within each path, each once.
 
     Raises:
-        NotFound: a path holds none.
+        NotFound: a path holds none. BadFile: an .npz file is none.
     """
     found: dict[Path, None] = {}
     for path in paths:
-        folders = [file.parent for file in sorted(path.rglob(INFO)) if not file.parent.name.startswith(".")]
-        if not folders:
+        recordings = [path] if path.is_file() and knows_truth(path) else _recordings_below(path)
+        if not recordings:
             raise NotFound(
                 f"no recording in {str(path)!r}",
                 fix=f"a folder with {INFO}, such as evimo simulate --set 1 --minutes 1 --seed 7 --out DIR makes",
             )
-        found.update(dict.fromkeys(folders))
+        found.update(dict.fromkeys(recordings))
     if not found:
         raise NotFound("no recording given", fix="evimo evaluate FOLDER, with recordings from evimo simulate")
     return list(found)
+
+
+def _recordings_below(path: Path) -> list[Path]:
+    """Finished ones: what is under way is hidden."""
+    folders = [file.parent for file in path.rglob(INFO)]
+    files = [file for file in path.rglob("*.npz") if not file.name.startswith("dataset_") and knows_truth(file)]
+    shown = [each for each in folders + files if not any(part.startswith(".") for part in each.relative_to(path).parts)]
+    return sorted(shown)
 
 
 def evaluated(folders: list[Path], *, model: str, out: Path | None, density_threshold: float) -> Report:

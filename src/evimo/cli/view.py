@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 Drawer = Callable[["Slice"], "Image | None"]
 """From a slice to its frame; None where nothing is known of it."""
 
-TRUTH_FILES = ("dataset_sim.npz", "dataset_clutter.npz")  # only our own folders have them
 FASTEST_FPS = 60.0  # players drop images beyond their screen's rate: rather leave out slices
 
 
@@ -44,12 +43,12 @@ def view(
 ) -> int:
     """Show a recording as a video.
 
-    Of a folder made by `evimo simulate` it shows what really happened: events, objects by their ids, depth in m, dense
-    flow, the camera's motion, the objects' velocities, and the picture that the camera saw, rendered again from the
-    recording's seed. Of any other recording it shows the events. Ctrl-C leaves a complete video of what was done.
+    Of a recording made by `evimo simulate` it shows what really happened: events, objects by their ids, depth in m,
+    dense flow, the camera's motion, the objects' velocities, and the picture that the camera saw, rendered again from
+    the recording's seed. Of any other recording it shows the events. Ctrl-C leaves a complete video of what was done.
 
     Args:
-        recording: a folder made by `evimo simulate`, or an event file of any known format.
+        recording: a folder or .npz file made by `evimo simulate`, or an event file of any known format.
         out: the video, .mp4 or .mkv; out/NAME.mp4 by default. A file of that name is replaced once the new one is
             complete.
         speed: of the video, 1 being real time; the default is slow enough to watch single slices.
@@ -99,11 +98,10 @@ def _prepared(
     path: Path, sensor: str | None, *, span_s: tuple[float, float | None], picture: bool
 ) -> tuple["EventFile", "Span", Drawer]:
     """The events, the slices to show and how to draw one; everything checked that can be before it starts."""
+    from evimo.recordings.recording import knows_truth, open_recording
     from evimo.streaming.span import span_of
 
-    if any((path / name).exists() for name in TRUTH_FILES):
-        from evimo.recordings.recording import open_recording
-
+    if knows_truth(path):
         recording = open_recording(path)
         span = span_of(_lasting(recording), start_s=span_s[0], stop_s=span_s[1])
         return recording.events, span, _truth_drawer(recording, _light(recording) if picture else None)

@@ -10,6 +10,7 @@ import numpy as np
 
 from evimo.errors import BadFile
 
+FACTS = "sim_facts"  # in an .npz file
 DAMAGED = "simulate it again, or copy the whole recording again"
 
 
@@ -34,6 +35,9 @@ def _folder_facts(path: Path) -> dict[str, Any]:
 def _archive_facts(path: Path) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return dict(json.loads(str(archive["sim_facts"].item())))
+            if FACTS not in archive:
+                fix = f"`evimo run {path}`: of what others made, the events are read; poses in a pickle stay closed"
+                raise BadFile(f"{path} was not written by `evimo simulate`", fix=fix)
+            return dict(json.loads(str(archive[FACTS].item())))
     except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise BadFile(f"{path} does not tell how it was simulated", fix=DAMAGED) from error
