@@ -96,6 +96,7 @@ class Pixels:
             wait = -np.log(rng.random(number)) / self.state.shot
         self.state.noise[:] = np.where(self.state.shot > 0, start_s + wait, NEVER)
         self.room = self.room_for(EVENTS_PER_PIXEL * BAND * first.shape[1])
+        self.before = deepcopy(self.state)  # to start a call again with more room
 
     def room_for(self, each: int) -> EventRoom:
         """Empty, for so many events of each band."""
@@ -119,11 +120,13 @@ class Pixels:
         if self.kernel.lagging:
             pace = light * at.pace[:, None]
             lag, decay = 1 / pace, np.exp(-pace)
-        signal, before = np.log(light), deepcopy(self.state)
+        signal = np.log(light)
+        for kept, value in zip(self.before, self.state, strict=True):
+            kept[:] = value
         fired = events_of_frames(at.time_s, signal, lag, decay, self.state, self.kernel, self.room)
         if fired.max() > self.room.t.shape[1]:  # once more, with room for all
             self.room = self.room_for(int(1.5 * fired.max()))
-            self.state = before
+            self.state, self.before = self.before, self.state
             fired = events_of_frames(at.time_s, signal, lag, decay, self.state, self.kernel, self.room)
         return self._gathered(fired)
 
