@@ -1,9 +1,12 @@
 import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from evimo.errors import BadInput
+from evimo.events.events import joined
+from evimo.events.io import open_events
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.sensor import SENSORS, SensorSettings, draw_sensor
 
@@ -84,3 +87,53 @@ def test_a_samsungs_events_come_on_the_ticks_of_its_readout():
 def test_another_sensor_is_refused():
     with pytest.raises(BadInput, match="one of davis346, davis240, dvxplorer, gen4, samsung"):
         draw_sensor(np.random.default_rng(0), sensor="kodak")
+
+
+# What real DAVIS346 cameras say of the ranges that defaults are drawn from.
+
+
+@pytest.mark.parametrize("name", ["davis346_ball_person/dvSave-2021_01_15_15_43_05", "davis346_road/davis346"])
+def test_thresholds_are_the_light_from_one_event_to_the_next_in_real_frames(name, shared_data):
+    """Pixels with three events of one polarity between two frames changed by 2 C more than those with one."""
+    change, on, off = light_and_events(shared_data(f"recordings/{name}.aedat4"))
+    for many, none in ((on, off), (-off, on)):
+        one, three = (np.median(change[(np.abs(many) == n) & (none == 0)]) for n in (1, 3))
+        assert SENSORS["davis346"].contrast[0] < abs(three - one) / 2 <= SENSORS["davis346"].contrast[1]
+
+
+def light_and_events(path):
+    """Change of ln(light) of pixels well exposed in a frame and the next, ON and OFF events between their middles."""
+    dv = pytest.importorskip("dv_processing")
+    camera, frames = dv.io.MonoCameraRecording(str(path)), []
+    while (frame := camera.getNextFrame()) is not None:
+        grey = frame.image if frame.image.ndim == 2 else frame.image.mean(axis=2)
+        frames.append((frame.timestamp + frame.exposure.total_seconds() * 5e5, grey.astype(float)))
+    events = joined(list(open_events(path).packets()))
+    rows = []
+    for (start, before), (stop, after) in pairwise(frames):
+        some = events.between(round(start), round(stop))
+        seen = (np.minimum(before, after) > 30) & (np.maximum(before, after) < 235)
+        counts = [
+            np.histogram2d(some.y[some.p == p], some.x[some.p == p], (range(261), range(347)))[0] for p in (1, -1)
+        ]
+        rows.append(np.stack([np.log(after[seen] / before[seen]), *(count[seen] for count in counts)]))
+    return np.concatenate(rows, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "still"),
+    [
+        ("davis346_ball_person/dvSave-2021_01_15_15_43_05", np.s_[130:260, 220:346]),  # a white wall
+        ("davis346_road/davis346", np.s_[0:80, 0:346]),  # the sky
+    ],
+)
+def test_bright_pixels_at_rest_fire_by_leakage_alone(name, still, shared_data):
+    recording = open_events(shared_data(f"recordings/{name}.aedat4"))
+    events = joined(list(recording.packets()))
+    counts = {p: np.zeros(recording.sensor, int) for p in (1, -1)}
+    for p, count in counts.items():
+        np.add.at(count, (events.y[events.p == p], events.x[events.p == p]), 1)
+    on, off = (np.where(counts[p][still] < 10, counts[p][still], 0) for p in (1, -1))  # without hot pixels
+    low, high = SENSORS["davis346"].leak_hz
+    assert low < on.mean() / ((recording.stop_us - recording.start_us) * 1e-6) < high
+    assert off.sum() == 0
