@@ -16,7 +16,7 @@ from evimo.events.slices import SLICE_US
 from evimo.scene.on_device import THREADS, blocks, cuda, on_device, uploaded
 from evimo.simulate import kernels
 from evimo.simulate.kernels import BAND
-from evimo.simulate.pixels import Pixels, PixelState
+from evimo.simulate.pixels import Exposures, Pixels, PixelState
 
 f32, f64 = np.float32, np.float64
 i64, u64 = np.int64, np.uint64
@@ -131,9 +131,9 @@ class CudaPixels:
         self.pixels, self.number = pixels, pixels.size[0] * pixels.size[1]
         self.state = uploaded(pixels.state)
 
-    def fed(self, image: Any, time_s: np.ndarray) -> Fed:
-        """What the pixels read in frames (F, H, W) on the GPU, at times (F,)."""
-        at, settings = self.pixels.exposures(time_s), self.pixels.kernel
+    def fed(self, image: Any, at: Exposures) -> Fed:
+        """What the pixels read in frames (F, H, W) on the GPU, which `at` names."""
+        settings = self.pixels.kernel
         shape = (len(at.time_s), self.number)
         late = shape if settings.lagging else (1, 1)
         fed = Fed(cuda.to_device(at.time_s), *(cuda.device_array(each, np.float32) for each in (shape, late, late)))
