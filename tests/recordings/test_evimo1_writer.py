@@ -3,6 +3,7 @@
 import ast
 import json
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -96,6 +97,16 @@ def matrix(pose):
     rigid[:3, :3] = Rotation.from_quat([pose["q"][axis] for axis in "xyzw"]).as_matrix()
     rigid[:3, 3] = [pose["t"][axis] for axis in "xyz"]
     return rigid
+
+
+def test_long_meta_is_written_in_parts_that_fit_together(tmp_path, camera, pieces):
+    """Nothing is lost or repeated where one part ends."""
+    moments = [(events, replace(truth, t_us=12_500 + 25_000 * k)) for k, (events, truth) in enumerate(pieces[:1] * 210)]
+    with np.load(save(tmp_path / "long.npz", camera, moments)) as archive:
+        meta = json.loads(archive["meta"].item())
+    assert [frame["id"] for frame in meta["frames"]] == list(range(210))
+    times = [sample["ts"] for sample in meta["full_trajectory"]]
+    np.testing.assert_allclose(times, np.arange(210 * 5 + 1) * 0.005, atol=1e-9)
 
 
 def test_convention_v1_camera_axes_are_up_left_backward(stored):

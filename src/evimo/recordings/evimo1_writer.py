@@ -1,12 +1,14 @@
 """Write a recording with truth as one .npz in the layout of EV-IMO's first version; nothing is pickled.
 
-Slices go to plain files beside the target, which become members of the archive at the end: memory stays constant. What
-that layout pickles, the dictionary `meta`, is text here: JSON, and a Python literal at the same time.
+Slices go to plain files beside the target, which become members of the archive at the end. In memory stays only how
+things move: poses at 200 Hz. What that layout pickles, the dictionary `meta`, is text here: JSON, and a Python literal
+at the same time.
 """
 
 import json
 import shutil
 import zipfile
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -20,7 +22,7 @@ from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseSource, PoseTrack
-from evimo.recordings.pose_words import frame_words, in_v1_axes, trajectory_words
+from evimo.recordings.pose_words import frame_words, in_v1_axes, listed, trajectory_words
 from evimo.recordings.stored import (
     Arrays,
     checked_ids,
@@ -131,15 +133,25 @@ class Evimo1Writer:
             save_arrays(archive, self._small_arrays())
             for name in ("depth", "mask", "sim_clutter"):
                 self._move_in(archive, name, maps)
-            save_arrays(archive, {"meta": np.array(json.dumps(self._meta(frames, trajectory)))})
+            characters = self._write_text("meta", self._meta(frames, trajectory))
+            self._move_in(archive, "meta", (), kind=f"<U{characters}")
             save_arrays(archive, {f"sim_{name}": values for name, values in exact.items()})
         return target
 
-    def _move_in(self, archive: zipfile.ZipFile, name: str, shape: tuple[int, ...]) -> None:
+    def _write_text(self, name: str, pieces: Iterator[str]) -> int:
+        """A file of the workplace as NumPy stores text, four bytes a character; how many characters."""
+        characters = 0
+        with (self.workplace / name).open("wb") as file:
+            for piece in pieces:
+                characters += len(piece)
+                file.write(piece.encode("utf-32-le"))
+        return characters
+
+    def _move_in(self, archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], *, kind: str | None = None) -> None:
         """A file of the workplace as an array of the archive."""
         path, info = self.workplace / name, member(name)
         info.file_size = path.stat().st_size  # tells whether the member needs 64-bit sizes
-        header = {"descr": GROWING[name], "fortran_order": False, "shape": shape}
+        header = {"descr": kind or GROWING[name], "fortran_order": False, "shape": shape}
         with path.open("rb") as source, archive.open(info, "w") as target:
             np.lib.format.write_array_header_1_0(target, header)
             shutil.copyfileobj(source, target, 1 << 20)
@@ -157,16 +169,17 @@ class Evimo1Writer:
             "sim_facts": np.array(json.dumps(facts)),
         }
 
-    def _meta(self, frames: PoseTrack, trajectory: PoseTrack) -> dict[str, Any]:
-        """The dictionary `meta`: v1 axes, and `res_x` the *height*, as the dataset has it."""
+    def _meta(self, frames: PoseTrack, trajectory: PoseTrack) -> Iterator[str]:
+        """The dictionary `meta` as text: v1 axes, and `res_x` the *height*, as the dataset has it."""
         lens, start = self.camera, trajectory.world_from_cam[0]
         numbers = {"fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy}
         numbers |= dict(zip(("k1", "k2", "k3", "k4"), _coefficients(lens), strict=True))
-        return {
-            "meta": {**numbers, "res_x": lens.height, "res_y": lens.width},
-            "frames": frame_words(in_v1_axes(frames.in_world_of(start))),
-            "full_trajectory": trajectory_words(in_v1_axes(trajectory.in_world_of(start))),
-        }
+        numbers |= {"res_x": lens.height, "res_y": lens.width}
+        yield f'{{"meta": {json.dumps(numbers)}, "frames": '
+        yield from listed(frames.in_world_of(start), frame_words, axes=in_v1_axes)
+        yield ', "full_trajectory": '
+        yield from listed(trajectory.in_world_of(start), trajectory_words, axes=in_v1_axes)
+        yield "}"
 
 
 class TimeIndex:

@@ -24,6 +24,11 @@ class PoseTrack:
     object_ids: NDArray[np.uint8]
     cam_from_object: F8
 
+    def part(self, first: int, last: int) -> "PoseTrack":
+        """The poses with first <= index < last, as views."""
+        cut = slice(first, last)
+        return PoseTrack(self.times_us[cut], self.world_from_cam[cut], self.object_ids, self.cam_from_object[cut])
+
     def in_world_of(self, world_from_start: F8) -> "PoseTrack":
         """The same poses in a world whose origin and axes are a camera's at one instant (4, 4), as the datasets do."""
         return replace(self, world_from_cam=np.linalg.inv(world_from_start) @ self.world_from_cam)

@@ -1,7 +1,9 @@
 """Poses in the words of EV-IMO and EVIMO2: translation, fixed-axis angles and quaternion under their names."""
 
+import json
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from evimo.recordings.pose_track import PoseTrack
 F8 = NDArray[np.float64]
 
 DIGITS = 9  # differences at 200 Hz are then right to 1e-7 m/s
+WORDED = 200  # poses at a time
 TRAJECTORY_ID = 2**64 - 1  # what the datasets have there
 # EV-IMO's first version: x up, y left, z backward.
 V1_FROM_CAM = np.array([[0.0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
@@ -26,15 +29,37 @@ def in_v1_axes(track: PoseTrack) -> PoseTrack:
     return replace(track, world_from_cam=world_from_cam, cam_from_object=V1_FROM_CAM @ track.cam_from_object)
 
 
-def frame_words(track: PoseTrack) -> list[dict[str, Any]]:
+class PoseWords(Protocol):
+    """Entries of poses that follow `first` others."""
+
+    def __call__(self, track: PoseTrack, *, first: int = 0) -> list[dict[str, Any]]:
+        """One entry per instant."""
+        ...
+
+
+def frame_words(track: PoseTrack, *, first: int = 0) -> list[dict[str, Any]]:
     """One entry of `frames` per instant; the world's origin should be the camera at time zero."""
-    entries = _entries(track)
-    return [{"id": k, **entry, "gt_frame": f"depth_mask_{k}.png"} for k, entry in enumerate(entries)]
+    entries = enumerate(_entries(track), first)
+    return [{"id": k, **entry, "gt_frame": f"depth_mask_{k}.png"} for k, entry in entries]
 
 
-def trajectory_words(track: PoseTrack) -> list[dict[str, Any]]:
-    """One entry of `full_trajectory` per instant."""
+def trajectory_words(track: PoseTrack, *, first: int = 0) -> list[dict[str, Any]]:
+    """One entry of `full_trajectory` per instant, all of one number."""
     return [{"id": TRAJECTORY_ID, **entry} for entry in _entries(track)]
+
+
+def listed(
+    track: PoseTrack, words: PoseWords, *, axes: Callable[[PoseTrack], PoseTrack] | None = None
+) -> Iterator[str]:
+    """The JSON list of all entries, some at a time: as Python objects they take fifty times the memory of their poses.
+
+    axes: what the poses are turned into before.
+    """
+    yield "["
+    for first in range(0, len(track.times_us), WORDED):
+        part = track.part(first, first + WORDED)
+        yield (",\n" if first else "") + json.dumps(words(axes(part) if axes else part, first=first))[1:-1]
+    yield "]"
 
 
 def _entries(track: PoseTrack) -> list[dict[str, Any]]:

@@ -1,4 +1,7 @@
-"""Write a recording with truth as an EVIMO2v2 folder, slice by slice, in constant memory; nothing is pickled."""
+"""Write a recording with truth as an EVIMO2v2 folder, slice by slice; nothing is pickled.
+
+In memory stays only how things move: poses at 200 Hz.
+"""
 
 import json
 import shutil
@@ -16,7 +19,7 @@ from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseSource
-from evimo.recordings.pose_words import frame_words
+from evimo.recordings.pose_words import frame_words, listed
 from evimo.recordings.stored import (
     checked_ids,
     exact_motions,
@@ -120,18 +123,28 @@ class RecordingWriter:
 
     def _write_facts(self) -> None:
         sim = exact_motions(self.truths)
-        frames = [{"id": k, "ts": t * 1e-6} for k, t in enumerate(sim["times_us"].tolist())]
+        frames = iter([json.dumps([{"id": k, "ts": t * 1e-6} for k, t in enumerate(sim["times_us"].tolist())])])
         if self.poses:
             at_frames, trajectory = tracks(self.poses, sim["times_us"])
             sim |= exact_poses(at_frames, trajectory)
-            frames = frame_words(at_frames.in_world_of(trajectory.world_from_cam[0]))
+            frames = listed(at_frames.in_world_of(trajectory.world_from_cam[0]), frame_words)
         for name, arrays in (("sim", sim), ("imu", self.imu.arrays() if self.imu else {})):
             if arrays:
                 with zipfile.ZipFile(self._file(f"{name}.npz"), "w") as archive:
                     save_arrays(archive, arrays)
-        self._file("info.json").write_text(json.dumps(self._information(frames), indent=1))
+        with self._file("info.json").open("w") as file:
+            file.write(
+                json.dumps({"evimo": self._facts()})[:-1] + f',\n"meta": {{"meta": {json.dumps(self._lens())},\n'
+            )
+            file.write('"frames": ')
+            file.writelines(frames)
+            file.write("}}")
 
-    def _information(self, frames: list[dict[str, Any]]) -> dict[str, Any]:
+    def _facts(self) -> dict[str, Any]:
+        return {"format": FORMAT, "camera": asdict(self.camera), **self.facts}
+
+    def _lens(self) -> dict[str, Any]:
+        """The camera in EVIMO2's words."""
         lens = self.camera
         names = ("k1", "k2", "p1", "p2", "k3") if lens.lens == "radtan" else ("k1", "k2", "k3", "k4")
         intrinsics = {name: 0.0 for name in ("k1", "k2", "k3", "k4", "p1", "p2")}
@@ -139,8 +152,7 @@ class RecordingWriter:
         meta = {"fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy, **intrinsics}
         meta |= {"dist_model": "radtan" if lens.lens == "radtan" else "equidistant"}
         meta |= {"res_x": lens.width, "res_y": lens.height, "ros_time_offset": 0.0}
-        facts = {"format": FORMAT, "camera": asdict(lens), **self.facts}
-        return {"evimo": facts, "meta": {"meta": meta, "frames": frames}}
+        return meta
 
 
 def _write_header(file: BinaryIO, name: str, rows: int) -> None:
