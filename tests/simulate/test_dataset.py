@@ -161,3 +161,10 @@ def test_the_command_takes_layout_events_and_sensor(tmp_path, capsys):
     for wrong in (["--sensor", "kodak"], ["--layout", "coco"], ["--events", "dat"]):
         assert main([*command, *wrong]) == 2
         assert "Traceback" not in "".join(capsys.readouterr())
+
+
+def test_no_workers_are_refused(tmp_path, capsys):
+    with pytest.raises(BadInput, match="0 workers"):
+        list(simulate_dataset(PLAN, tmp_path, workers=0))
+    assert main(["simulate", "--minutes", "0.001", "--workers", "-1", "--out", str(tmp_path / "a")]) == 2
+    assert "-1 workers" in capsys.readouterr().err

@@ -1,7 +1,6 @@
 """`evimo evaluate`: score a model on recordings that know the truth."""
 
 import hashlib
-import importlib.metadata
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from evimo.evaluation.report import Report, load_report
 from evimo.evaluation.scoring import score_recording
 from evimo.evaluation.tables import as_markdown, as_rich
 from evimo.recordings.estimate import Estimate
+from evimo.recordings.facts import own_version
 from evimo.recordings.recording import Recording, knows_truth, open_recording
 from evimo.streaming.inference import Network
 
@@ -79,7 +79,7 @@ def evaluated(folders: list[Path], *, model: str, out: Path | None, density_thre
         "model": model,
         "model sha256": Network(model).sha256,
         "density threshold": density_threshold,
-        "evimo": importlib.metadata.version("evimo"),
+        "evimo": own_version(),
     }
     recordings = [open_recording(folder) for folder in folders]
     kept = [kept_at(out, recording) for recording in recordings]

@@ -1,6 +1,5 @@
 """Do simulated events look like real ones? Statistics of both side by side, and which leave the range of the real."""
 
-import importlib.metadata
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -21,6 +20,7 @@ from evimo.evaluation.event_statistics import (
     shares_up_to,
 )
 from evimo.events.slices import SLICE_US
+from evimo.recordings.facts import own_version
 
 FORMAT = 1
 """Of realism.json; grows when the meaning of a number changes."""
@@ -201,7 +201,7 @@ class Realism:
         """For JSON: the verdicts, then everything about each recording."""
         return {
             "format": FORMAT,
-            "evimo": importlib.metadata.version("evimo"),
+            "evimo": own_version(),
             "slice_ms": SLICE_US // 1000,
             "verdicts": {
                 each.measure.name: {**asdict(each), "measure": asdict(each.measure)} for each in self.verdicts

@@ -3,6 +3,7 @@
 import json
 import zipfile
 import zlib
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,14 @@ from evimo.errors import BadFile
 
 FACTS = "sim_facts"  # in an .npz file
 DAMAGED = "simulate it again, or copy the whole recording again"
+
+
+def own_version() -> str:
+    """The version of this package, as recordings and reports tell it."""
+    try:
+        return version("evimo")
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def facts_of(path: Path) -> dict[str, Any]:

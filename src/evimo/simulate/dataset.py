@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from evimo.events.io import open_events
 from evimo.events.io.npz_members import Archive, array_header
 from evimo.recordings.event_files import check_events_format, save_events
 from evimo.recordings.evimo1_writer import Evimo1Writer
+from evimo.recordings.facts import own_version
 from evimo.recordings.writer import RecordingWriter
 from evimo.scene.draw import SETS
 from evimo.simulate.film import check_device
@@ -160,13 +160,6 @@ def _recorded(path: Path) -> Iterable[Events]:
 
 
 def _writer(plan: DatasetPlan, recording: SimulatedRecording, path: Path) -> RecordingWriter | Evimo1Writer:
-    facts = {"version": _version(), "camera_kind": plan.camera, **recording.facts()}
+    facts = {"version": own_version(), "camera_kind": plan.camera, **recording.facts()}
     writer = Evimo1Writer if plan.layout == "evimo1" else RecordingWriter
     return writer(path, recording.camera, facts=facts, poses=recording.poses, imu=recording.imu())
-
-
-def _version() -> str:
-    try:
-        return version("evimo")
-    except PackageNotFoundError:
-        return "unknown"

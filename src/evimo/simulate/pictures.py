@@ -1,12 +1,12 @@
 """What the camera of a simulated recording saw, made again: pictures are not stored."""
 
 from collections.abc import Callable
-from importlib import metadata
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import EvimoError
+from evimo.recordings.facts import own_version
 from evimo.recordings.recording import Recording
 from evimo.scene.renderer import Renderer
 from evimo.simulate.own_folders import OwnFolders, own_folders_of
@@ -27,7 +27,7 @@ def pictures(recording: Recording) -> Light | None:
     Raises:
         NotFound: the folder of the user's own textures or meshes is gone or has changed.
     """
-    if recording.meta.get("version") != metadata.version("evimo"):
+    if recording.meta.get("version") != own_version():
         return None
     again = _made_again(recording, own_folders_of(recording.meta))
     if again is None:

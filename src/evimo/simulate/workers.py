@@ -8,6 +8,8 @@ from typing import TypeVar
 
 import numba
 
+from evimo.errors import BadInput
+
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
@@ -16,8 +18,13 @@ def finished(work: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -
     """What `work` returns, as jobs finish; in order with one worker, which is this process.
 
     Where the caller stops early, jobs that have not begun are dropped and those under way are waited for.
+
+    Raises:
+        BadInput: less than one worker.
     """
-    if workers <= 1:
+    if workers < 1:
+        raise BadInput(f"{workers} workers", fix="at least one")
+    if workers == 1:
         yield from map(work, jobs)
         return
     context = get_context("spawn")

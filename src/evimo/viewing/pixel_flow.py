@@ -12,14 +12,13 @@ STEP = 1e-4
 class PixelFlow:
     """The lens map's Jacobian at every pixel of a camera, made once.
 
-    grid:  (2, H, W), x and y of each pixel on the plane Z = 1.
-    valid: (H, W), where the lens gives them.
+    grid: (2, H, W), x and y of each pixel on the plane Z = 1; 0 where the lens gives none.
     """
 
     def __init__(self, camera: Camera) -> None:
         straight, valid = camera.normalised(camera.pixels())
         straight = np.where(valid[..., None], straight, 0)
-        self.grid, self.valid = np.moveaxis(straight, -1, 0), valid
+        self.grid = np.moveaxis(straight, -1, 0)
         steps = np.array([(STEP, 0.0), (0.0, STEP)])
         self._jacobian = [(camera.project(straight + step) - camera.project(straight - step)) / 2 for step in steps]
 
