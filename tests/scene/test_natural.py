@@ -51,10 +51,19 @@ def test_a_folder_gives_grey_pictures_by_name(folder):
     assert all(photo.dtype == np.float32 for photo in photos)
 
 
+def test_photos_of_a_camera_are_shrunk_and_hidden_files_passed_over(tmp_path):
+    cv2.imwrite(str(tmp_path / "large.jpg"), np.tile(np.uint8(np.linspace(0, 255, 3000)), (2000, 1)))
+    (tmp_path / "._large.jpg").write_bytes(b"of another system")
+    (tmp_path / "folder.png").mkdir()
+    (photo,) = textures_of(tmp_path)
+    assert photo.shape == (512, 768)
+    assert photo[100] == pytest.approx(np.linspace(0, 1, 768), abs=0.02)
+
+
 def test_no_folder_or_none_or_broken_pictures_say_so(tmp_path):
     with pytest.raises(NotFound, match="no folder"):
         textures_of(tmp_path / "missing")
-    with pytest.raises(NotFound, match="no PNG or JPEG"):
+    with pytest.raises(NotFound, match="there are no pictures"):
         textures_of(tmp_path)
     for content in (b"", b"\x89PNG broken"):
         (tmp_path / "bad.png").write_bytes(content)

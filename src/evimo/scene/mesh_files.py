@@ -10,7 +10,7 @@ from evimo.errors import BadFile
 from evimo.scene.mesh_clouds import surface_of
 from evimo.scene.mesh_ply import plain_ply
 from evimo.scene.meshes import F8, I8, MeshBank, Triangles, areas, mesh_bank
-from evimo.scene.own_files import OwnFiles, own_files
+from evimo.scene.own_files import OwnFiles, content_of, own_files
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
 SCAN, MARKERS = "model", "config.txt"  # an object of EV-IMO is a folder with both; its other files are its markers
@@ -78,9 +78,7 @@ def _flaw(vertices: F8, triangles: I8) -> str:
 def _as_stored(file: Path) -> Triangles:
     import trimesh  # takes a second
 
-    content, kind = file.read_bytes(), file.suffix[1:].lower()
-    if not content:
-        raise BadFile(f"{file} is empty (0 bytes)", fix=FIX)
+    content, kind = content_of(file), file.suffix[1:].lower()
     how: dict[str, Any] = {"skip_materials": True} if kind in ("obj", "glb") else {}
     try:
         content = plain_ply(content) if kind == "ply" else content

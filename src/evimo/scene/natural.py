@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
+from evimo.scene.own_files import own_files
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -22,7 +23,7 @@ INSTALLED = {0: TRAINING, 1: TRAINING, 2: TESTING}
 """Files in the wheel of scikit-image, by pool: what is filmed without a pool never shows what the test pool does."""
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
-LEAST_SIDE = 32  # px of a photo
+LEAST_SIDE, MOST_SIDE = 32, 512  # px of a photo
 SMALLEST_CROP = 0.25  # of the shorter side
 LEAST_RANGE = 0.2  # of a crop's grey levels; flatter ones are drawn again
 ATTEMPTS = 10
@@ -46,18 +47,14 @@ def installed(pool: int) -> Photos:
 
 
 def textures_of(folder: Path) -> list[F4]:
-    """Every PNG and JPEG directly in a folder, by name: grey pictures (H, W) in 0...1.
+    """Every PNG and JPEG directly in a folder, by name: grey pictures (H, W) in 0...1, large ones shrunk.
 
     Raises:
         NotFound: there is no such folder, or no picture in it.
         BadFile: a picture cannot be read or is smaller than 32 pixels.
     """
-    if not folder.is_dir():
-        raise NotFound(f"no folder {folder}", fix="a folder of PNG or JPEG pictures")
-    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES)
-    if not files:
-        raise NotFound(f"no PNG or JPEG in {folder}", fix="a folder with pictures directly in it")
-    return [_photo(file) for file in files]
+    files = own_files(folder, SUFFIXES, what="pictures").files
+    return [_shrunk(_photo(file)) for file in files]
 
 
 @lru_cache(maxsize=4)
@@ -74,6 +71,15 @@ def _photo(file: Path) -> F4:
     if grey is None or min(grey.shape) < LEAST_SIDE:
         raise BadFile(f"{file} is no picture of at least {LEAST_SIDE} pixels", fix="another picture, or remove it")
     return (grey / np.float32(255)).astype(np.float32)
+
+
+def _shrunk(photo: F4) -> F4:
+    """A photo of at most MOST_SIDE pixels along its shorter side: hundreds from a camera would not fit in memory."""
+    share = MOST_SIDE / min(photo.shape)
+    if share >= 1:
+        return photo
+    size = round(photo.shape[1] * share), round(photo.shape[0] * share)
+    return cv2.resize(photo, size, interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
 def cut(rng: np.random.Generator, photos: Photos, own: Photos, size: int) -> F8:

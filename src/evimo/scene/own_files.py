@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from evimo.errors import EvimoWarning, NotFound
+from evimo.errors import BadFile, BadInput, EvimoWarning, NotFound
+
+OUT = "another copy of it, or take it out of the folder"
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class OwnFiles:
         """Of the files' paths in the folder and their contents, hexadecimal."""
         whole = hashlib.sha256()
         for file in self.files:
-            for part in (file.relative_to(self.folder).as_posix().encode(), file.read_bytes()):
+            for part in (file.relative_to(self.folder).as_posix().encode(errors="surrogateescape"), content_of(file)):
                 whole.update(len(part).to_bytes(8, "little") + part)
         return whole.hexdigest()
 
@@ -53,17 +55,36 @@ def own_files(
         passed: true of files that are left out without a word.
 
     Raises:
-        NotFound: there is no such folder, or no such file in it.
+        NotFound: there is no such folder, or no such file in it. BadInput: it may not be read.
     """
     kinds = ", ".join(suffixes)
-    if not folder.is_dir():
-        raise NotFound(f"there is no folder {folder}", fix=f"a folder with {what} ({kinds})")
-    found = sorted(
-        folder.rglob("*") if deep else folder.iterdir(), key=lambda file: file.relative_to(folder).as_posix()
-    )
+    try:
+        if not folder.is_dir():
+            raise NotFound(f"there is no folder {folder}", fix=f"a folder with {what} ({kinds})")
+        within = list(folder.rglob("*") if deep else folder.iterdir())
+        found = sorted(
+            (file for file in within if file.is_file()), key=lambda file: file.relative_to(folder).as_posix()
+        )
+    except OSError as error:
+        raise BadInput(f"{folder} cannot be read: {error.strerror}", fix=f"a folder with {what} ({kinds})") from error
     hidden = {file for file in found if any(part.startswith(".") for part in file.relative_to(folder).parts)}
-    files = [file for file in found if file not in hidden and file.is_file() and not passed(file)]
+    files = [file for file in found if file not in hidden and not passed(file)]
     taken = tuple(file for file in files if file.suffix.lower() in suffixes)
     if not taken:
         raise NotFound(f"there are no {what} in {folder}", fix=f"a folder with files of {kinds}")
     return OwnFiles(folder, taken, what, len(files) - len(taken))
+
+
+def content_of(file: Path) -> bytes:
+    """A whole file.
+
+    Raises:
+        BadFile: it is empty or may not be read.
+    """
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise BadFile(f"{file} cannot be read: {error.strerror}", fix=OUT) from error
+    if not content:
+        raise BadFile(f"{file} is empty (0 bytes)", fix=OUT)
+    return content

@@ -29,8 +29,8 @@ class OwnFolders:
         """Read everything once.
 
         Raises:
-            NotFound: a folder is not there or has nothing to use.
-            BadFile: a file in it is damaged.
+            NotFound: a folder is not there or has nothing to use. BadInput: it may not be read.
+            BadFile: a file in it is damaged, or may not be read.
 
         Warns:
             EvimoWarning: how many files are left out.
@@ -38,6 +38,7 @@ class OwnFolders:
         for files in (self._pictures, self._meshes):
             if files is not None:
                 files.warn()
+                _ = files.sha256  # reads every file
         if self.textures is not None:
             own_photos(self.textures, 0)
         self.mesh_bank()
