@@ -1,7 +1,10 @@
 """Verdicts on made-up statistics; and whether what `evimo simulate` makes looks like a real DAVIS346."""
 
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
+from itertools import count, islice
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +18,9 @@ from evimo.evaluation.statistics_kernel import INTERVAL_BINS
 from evimo.events.events import joined
 from evimo.events.io import open_events
 from evimo.events.io.event_file import EventFile
+from evimo.scene.motion import Motion
 from evimo.simulate.pixels import Pixels
-from evimo.simulate.recording import simulate_recording
+from evimo.simulate.recording import SimulatedRecording, simulate_recording
 from evimo.simulate.sensor import draw_sensor
 
 FACTOR = Measure(name="isolated", header="isolated", meaning="", factor=2.0)
@@ -87,38 +91,61 @@ def test_nothing_to_compare_is_one_error(real, simulated, kind):
         compared(real, simulated, SHOWN)
 
 
-# What `evimo simulate` makes by default, beside the real DAVIS346 clips. These are of normal light: set 6 is dark.
+# What `evimo simulate` makes by default, beside real clips, like with like. All are of normal light: set 6 is dark, and
+# so are some recordings of the others. The cameras of the DAVIS346 clips stand still, before a ball, a person or
+# vehicles; those of the DAVIS240C clips move fast through scenes full of edges. Rows that depend on the scene are not
+# judged; the others may leave the range as far as `MEASURES` says.
 
-REAL_CLIPS = (
+RESTING = (
     "recordings/davis346_ball_person/dvSave-2021_01_15_15_43_05.aedat4",
     "recordings/davis346_road/davis346.aedat4",
 )
-SEEDS, SETS, SECONDS = range(5000, 5010), (1, 2, 3, 4, 5), 0.1
-JUDGED = [measure for measure in MEASURES if measure.judged]
-TOO_FEW = "edges fire too few events: 1.26 per active pixel instead of 1.70, 79 % with one instead of 56-62 %"
-TOO_LONELY = (
-    "0.64 Hz of isolated events instead of 0.01-0.14; 0.59 without any noise, so from weak texture that moves: "
-    "the cameras of the real clips stand still, ours do not, and no real DAVIS346 clip of a moving camera is at hand"
+MOVING = (
+    "recordings/davis240_poster/poster_translation.npz",
+    "recordings/eed_what_is_background/EED_what_is_background_events.es",
 )
-GIVES_AWAY = {"per_active": TOO_FEW, "one": TOO_FEW, "isolated": TOO_LONELY, "quiet": TOO_LONELY}
+SEED, RECORDINGS = 5000, 12
+JUDGED = {measure.name: measure for measure in MEASURES if measure.judged}
+BUSY_HZ = (
+    0.2  # events per pixel: the clips of cameras at rest have 0.37 and 3.35; below, movers rest or are out of view
+)
+FULL = 0.2  # share of pixels that fire in a slice: 0.47 in either clip of a moving camera
+TOO_FULL = {"quiet"}  # where so much fires hardly any place is quiet, and which ones are is chance
 
 
-def expected(measure: Measure):
-    """The measure, marked if the simulation does not yet pass."""
-    reason = GIVES_AWAY.get(measure.name)
-    marks = [pytest.mark.xfail(strict=True, reason=reason, raises=AssertionError)] if reason else []
-    return pytest.param(measure, id=measure.name, marks=marks)
+def at_rest(recording: SimulatedRecording) -> SimulatedRecording:
+    """The same with its camera standing where it would be half-way."""
+    pose = recording.scene.camera.at(np.array([recording.seconds / 2]))
+    return replace(recording, scene=replace(recording.scene, camera=Motion(pose.position[0], pose.rotation[0])))
+
+
+def in_normal_light(sensor: str, sets: tuple[int, ...], *, seconds: float) -> Iterator[SimulatedRecording]:
+    """Recordings of these sets in turn, without end."""
+    for seed in count(SEED):
+        number = sets[seed % len(sets)]
+        recording = simulate_recording(seed, set_number=number, seconds=seconds, sensor=sensor)
+        if recording.settings.floor < 0.01:
+            yield recording
 
 
 @cache
-def simulated_statistics() -> list[EventStatistics]:
-    made: list[EventStatistics] = []
-    for seed in SEEDS:
-        number = SETS[seed % len(SETS)]
-        recording = simulate_recording(seed, set_number=number, seconds=SECONDS)
-        events = joined([part.events for part in recording])
-        made.append(event_statistics(in_memory(events, recording.camera.size, stop_us=round(SECONDS * 1e6))))
-    return made
+def resting_statistics() -> list[EventStatistics]:
+    """Of cameras at rest before something that moves."""
+    drawn = in_normal_light("davis346", (1, 2, 3, 4, 5), seconds=0.25)
+    made = (filmed(at_rest(each)) for each in drawn if each.scene.movers)
+    return list(islice((each for each in made if (each.values["rate"] or 0) > BUSY_HZ), RECORDINGS))
+
+
+@cache
+def moving_statistics() -> list[EventStatistics]:
+    """Of fast cameras in full scenes."""
+    made = (filmed(each) for each in in_normal_light("davis240", (3,), seconds=0.1))
+    return list(islice((each for each in made if (each.values["active"] or 0) > FULL), RECORDINGS // 2))
+
+
+def filmed(recording: SimulatedRecording) -> EventStatistics:
+    events = joined([part.events for part in recording])
+    return event_statistics(in_memory(events, recording.camera.size, stop_us=round(recording.seconds * 1e6)))
 
 
 def in_memory(events, sensor: tuple[int, int], *, stop_us: int) -> EventFile:
@@ -128,25 +155,42 @@ def in_memory(events, sensor: tuple[int, int], *, stop_us: int) -> EventFile:
 
 
 @cache
-def real_statistics(*paths: Path) -> list[EventStatistics]:
-    return [event_statistics(open_events(path)) for path in paths]
+def real_statistics(*paths: Path, sensor: tuple[int, int] | None = None) -> list[EventStatistics]:
+    return [event_statistics(open_events(path, sensor=sensor)) for path in paths]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("measure", [expected(measure) for measure in JUDGED])
+@pytest.mark.parametrize("measure", JUDGED.values(), ids=JUDGED)
 def test_default_recordings_look_like_those_of_a_davis346(measure, shared_data):
-    real = real_statistics(*map(shared_data, REAL_CLIPS))
-    verdict = Realism(real, simulated_statistics()).verdict(measure)
+    verdict = Realism(real_statistics(*map(shared_data, RESTING)), resting_statistics()).verdict(measure)
+    assert verdict.inside, verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["per_active", "one", "isolated"])
+def test_most_recordings_are_near_those_of_a_davis346(name, shared_data):
+    """Not only the median: scenes differ more than two clips do, but two in five recordings keep the widened range."""
+    verdict = Realism(real_statistics(*map(shared_data, RESTING)), resting_statistics()).verdict(JUDGED[name])
+    assert verdict.recordings_inside >= 0.4, verdict
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*distortion")
+@pytest.mark.parametrize("name", sorted(JUDGED.keys() - TOO_FULL))
+def test_moving_cameras_see_what_a_moving_davis240_does(name, shared_data):
+    poster, net = map(shared_data, MOVING)
+    real = [*real_statistics(poster, sensor=(180, 240)), *real_statistics(net)]
+    verdict = Realism(real, moving_statistics()).verdict(JUDGED[name])
     assert verdict.inside, verdict
 
 
 @pytest.mark.slow
 def test_noise_of_default_sensors_is_that_of_a_davis346(shared_data):
     """Isolated events of a camera at rest, as that of the real clips, before a scene at rest."""
-    real = real_statistics(*map(shared_data, REAL_CLIPS))
+    real = real_statistics(*map(shared_data, RESTING))
     seen = np.exp(np.random.default_rng(0).uniform(np.log(0.03), np.log(0.95), (65, 86))).astype(np.float32)
     made = [noise(seed, seen, seconds=2.0) for seed in range(15)]
-    verdict = Realism(real, made).verdict(next(measure for measure in JUDGED if measure.name == "quiet"))
+    verdict = Realism(real, made).verdict(JUDGED["quiet"])
     assert verdict.inside, verdict
 
 
