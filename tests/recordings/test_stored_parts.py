@@ -49,6 +49,9 @@ def test_both_layouts_say_the_same(file, camera):
     assert len(two.event_ids) == 80
     for name, values in one.imu.arrays().items():
         np.testing.assert_array_equal(getattr(two.imu, name), values)
+    for each in (one, two):
+        assert each.events.contents["object ids"] == "of 80 events"
+        assert each.events.contents["IMU"] == "75 samples"
     whole, other = joined(list(one.events)), joined(list(two.events))
     for name in ("x", "y", "t", "p"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(other, name))

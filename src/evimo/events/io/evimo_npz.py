@@ -165,6 +165,9 @@ def _contents(archive: Archive) -> dict[str, str]:
         contents["meta"] = "poses, as text" if _is_text(archive, "meta") else "poses, pickled: not opened"
     if FACTS in archive.names:
         contents["truth"] = "exact motion of a simulation"
+    for name, words, of in (("sim_event_ids", "object ids", "of {:,} events"), ("sim_imu_t_us", "IMU", "{:,} samples")):
+        if name in archive.names:
+            contents[words] = of.format(archive.header(name).shape[0])
     return contents
 
 
