@@ -12,9 +12,13 @@ STEP_US = 200
 @pytest.fixture(scope="module")
 def recording():
     """One with two movers at least."""
-    found = simulate_recording(7, set_number=3, seconds=0.1, size=(33, 44))
-    assert len(found.scene.movers) >= 2
-    return found
+    return first(set_number=3, seconds=0.1, movers=(2, 3))
+
+
+def first(*, set_number, seconds, movers):
+    """The first recording of a set with so many movers."""
+    drawn = (simulate_recording(seed, set_number=set_number, seconds=seconds, size=(33, 44)) for seed in range(60))
+    return next(recording for recording in drawn if len(recording.scene.movers) in movers)
 
 
 def twist(matrices):
@@ -41,8 +45,7 @@ def test_poses_differ_by_the_exact_twists(recording):
 
 
 def test_a_scene_without_movers_has_no_objects():
-    recording = simulate_recording(42, set_number=1, seconds=0.05, size=(33, 44))
-    assert not recording.scene.movers
+    recording = first(set_number=1, seconds=0.05, movers=(0,))
     track = recording.poses(np.array([0, 5000]))
     assert track.cam_from_object.shape == (2, 0, 4, 4)
     assert track.object_ids.shape == (0,)
