@@ -37,7 +37,11 @@ def samples_of(recordings: Sequence[Prepared]) -> Samples:
 def drawn_batch(samples: Samples, size: int, rng: Generator, *, slices: int = 5, events: bool = False) -> Batch:
     """A random batch, augmented: missing outer slices, mirrored left-right and top-bottom, polarities exchanged."""
     chosen = rng.integers(len(samples), size=size)
-    batch = _stacked(samples, samples.index[chosen], slices, rng, events=events)
+    return augmented(_stacked(samples, samples.index[chosen], slices, rng, events=events), rng)
+
+
+def augmented(batch: Batch, rng: Generator) -> Batch:
+    """A batch, at random mirrored left-right and top-bottom, and with polarities exchanged."""
     if rng.random() < 0.5:
         batch = mirrored(batch, axis=0)
     if rng.random() < 0.25:
@@ -81,7 +85,7 @@ def mirrored(batch: Batch, *, axis: int) -> Batch:
     last = batch.frames.shape[image_axis] - 1
     intrinsics = batch.intrinsics.clone()
     intrinsics[:, 2 + axis] = last - intrinsics[:, 2 + axis]
-    turned = torch.ones(3)
+    turned = batch.ego.new_ones(3)
     turned[axis] = -1
     flipped = [tensor.flip(image_axis) if tensor.dim() >= 4 else tensor for tensor in batch[:9]]
     events = batch.events
@@ -96,13 +100,18 @@ def mirrored(batch: Batch, *, axis: int) -> Batch:
     )
 
 
+def drawn_reach(slices: int, rng: Generator | None) -> int:
+    """How many slices are there before and after the middle one; without a generator all of them."""
+    half = slices // 2
+    if rng is not None and rng.random() < DROPPED_OUTER:
+        return int(rng.integers(1, half)) if half > 1 and rng.random() < 0.9 else 0
+    return half
+
+
 def _sample(recording: Prepared, middle: int, slices: int, rng: Generator | None) -> tuple[np.ndarray, ...]:
     """One sample as the arrays of `Batch`, without the batch axis."""
-    half = slices // 2
+    half, reach = slices // 2, drawn_reach(slices, rng)
     frames = np.zeros((slices, *recording.frames.shape[1:]), np.float32)
-    reach = half
-    if rng is not None and rng.random() < DROPPED_OUTER:
-        reach = int(rng.integers(1, half)) if half > 1 and rng.random() < 0.9 else 0
     first, last = max(0, middle - reach), min(len(recording), middle + reach + 1)
     frames[first - middle + half : last - middle + half] = recording.frames[first:last]
     ids = recording.ids[middle]
