@@ -10,9 +10,9 @@ import numpy as np
 from evimo.scene.cuda import CudaRenderer
 from evimo.scene.on_device import THREADS, blocks, cuda
 from evimo.scene.renderer import Frames, Renderer
-from evimo.simulate.cuda_pixels import CudaPixels, Fed
+from evimo.simulate.cuda_pixels import CudaPixels
 from evimo.simulate.film import Exposed, Strides
-from evimo.simulate.pixels import Exposures, Pixels
+from evimo.simulate.pixels import Exposures, Fed, Pixels
 from evimo.simulate.sensor import SensorSettings
 
 f32 = np.float32
@@ -23,11 +23,12 @@ _0 = f32(0)
 def _weigh(source, weights, down, across, out):
     """One direction of a separable filter over frames (F, H, W); over the border the border pixel goes on."""
     x, y, f = cuda.grid(3)
-    if x < source.shape[2] and y < source.shape[1] and f < source.shape[0]:
-        total, reach = _0, len(weights) // 2
-        for k in range(len(weights)):
-            row = min(max(y + (k - reach) * down, 0), source.shape[1] - 1)
-            column = min(max(x + (k - reach) * across, 0), source.shape[2] - 1)
+    height, width, taps = source.shape[1], source.shape[2], len(weights)
+    if x < width and y < height:
+        total, reach = _0, taps // 2
+        for k in range(taps):
+            row = min(max(y + (k - reach) * down, 0), height - 1)
+            column = min(max(x + (k - reach) * across, 0), width - 1)
             total += weights[k] * source[f, row, column]
         out[f, y, x] = total
 

@@ -16,7 +16,7 @@ from evimo.events.slices import SLICE_US
 from evimo.scene.on_device import THREADS, blocks, cuda, on_device, uploaded
 from evimo.simulate import kernels
 from evimo.simulate.kernels import BAND
-from evimo.simulate.pixels import Exposures, Pixels, PixelState
+from evimo.simulate.pixels import Exposures, Fed, Pixels, PixelState
 
 f32, f64 = np.float32, np.float64
 i64, u64 = np.int64, np.uint64
@@ -26,15 +26,6 @@ POSITIVE, NEGATIVE, TICKS = u64(1 << 16), u64(1), u64(32)  # one event in a pack
 
 _low_passed, _begin_step = on_device(kernels.low_passed), on_device(kernels.begin_step)
 _next_event = on_device(kernels.next_event)
-
-
-class Fed(NamedTuple):
-    """What pixels read: times (E,) s, and (E, N) ln of irradiance, lag and decay as in `kernels.events_of_frames`."""
-
-    time_s: Any
-    signal: Any
-    lag: Any
-    decay: Any
 
 
 class EventRows(NamedTuple):
@@ -136,7 +127,9 @@ class CudaPixels:
         settings = self.pixels.kernel
         shape = (len(at.time_s), self.number)
         late = shape if settings.lagging else (1, 1)
-        fed = Fed(cuda.to_device(at.time_s), *(cuda.device_array(each, np.float32) for each in (shape, late, late)))
+        fed: Any = Fed(
+            cuda.to_device(at.time_s), *(cuda.device_array(each, np.float32) for each in (shape, late, late))
+        )
         grid = ((blocks(self.number), shape[0]), (THREADS, 1))
         flat = image.reshape(image.shape[0], self.number)
         _expose[grid](flat, uploaded(at), f32(self.pixels.settings.floor), settings.lagging, fed)

@@ -97,7 +97,7 @@ def _see(depth, tags, middles, first, known, seen):
 
 
 def simulated_slices(recording: SimulatedRecording) -> CudaSlices:
-    """Film a recording into arrays on the GPU. Memory grows with its length: about 12 MB a slice of 346x260 px."""
+    """Film a recording into arrays on the GPU. Memory grows with its length: 5.5 MB a slice of 346x260 px."""
     renderer, rectification = Renderer(recording.scene, recording.camera), rectified(recording.camera)
     rng = np.random.default_rng((recording.seed, recording.set_number, EVENT_STREAM))
     film = CudaFilm(renderer, recording.settings, rng, start_s=-WARM_UP_S)

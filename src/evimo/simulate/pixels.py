@@ -72,6 +72,15 @@ class Exposures(NamedTuple):
     pace: F4
 
 
+class Fed(NamedTuple):
+    """What pixels read: times (E,), and (E, N) ln of irradiance, lag and decay as in `kernels.events_of_frames`."""
+
+    time_s: F8
+    signal: F4
+    lag: F4
+    decay: F4
+
+
 class Pixels:
     """The pixels of one sensor, started on a first frame.
 
@@ -109,25 +118,14 @@ class Pixels:
         The first frame is the last one of the call before (or the one the sensor was started on). Jitter can move
         single events beyond these times.
         """
-        at = self.exposures(time_s)
-        if self.settings.flicker_depth:
-            before, after = image[at.before], image[np.minimum(at.before + 1, len(image) - 1)]
-            image = np.asarray(
-                (before + (after - before) * at.share[:, None, None]) * at.lamp[:, None, None], np.float32
-            )
-        light = image.reshape(len(image), -1) + np.float32(self.settings.floor)
-        lag = decay = np.empty((0, 0), np.float32)
-        if self.kernel.lagging:
-            pace = light * at.pace[:, None]
-            lag, decay = 1 / pace, np.exp(-pace)
-        signal = np.log(light)
+        fed = self.fed(image, self.exposures(time_s))
         for kept, value in zip(self.before, self.state, strict=True):
             kept[:] = value
-        fired = events_of_frames(at.time_s, signal, lag, decay, self.state, self.kernel, self.room)
+        fired = events_of_frames(*fed, self.state, self.kernel, self.room)
         if fired.max() > self.room.t.shape[1]:  # once more, with room for all
             self.room = self.room_for(int(1.5 * fired.max()))
             self.state, self.before = self.before, self.state
-            fired = events_of_frames(at.time_s, signal, lag, decay, self.state, self.kernel, self.room)
+            fired = events_of_frames(*fed, self.state, self.kernel, self.room)
         return self._gathered(fired)
 
     def _gathered(self, fired: NDArray[np.int64]) -> Events:
@@ -135,6 +133,21 @@ class Pixels:
         order = np.argsort(t, kind="stable")
         y, x = np.divmod(pixel[order], self.size[1])
         return Events(x.astype(np.uint16), y.astype(np.uint16), t[order], p[order])
+
+    def fed(self, image: F4, at: Exposures) -> Fed:
+        """What the pixels read in frames (F, H, W), which `at` names."""
+        if self.settings.flicker_depth:
+            before, after = image[at.before], image[np.minimum(at.before + 1, len(image) - 1)]
+            image = np.asarray(
+                (before + (after - before) * at.share[:, None, None]) * at.lamp[:, None, None], np.float32
+            )
+        light = image.reshape(len(image), -1) + np.float32(self.settings.floor)
+        lag: F4 = np.empty((0, 0), np.float32)
+        decay = lag
+        if self.kernel.lagging:
+            pace: F4 = light * at.pace[:, None]
+            lag, decay = np.float32(1) / pace, np.exp(-pace)
+        return Fed(at.time_s, np.log(light), lag, decay)
 
     def exposures(self, time_s: F8) -> Exposures:
         """The instants that frames at times (F,) make: steps short enough for the lamps, where they flicker."""
