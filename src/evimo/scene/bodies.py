@@ -1,11 +1,13 @@
 """What a scene is made of: parts with surfaces, grouped in bodies that move rigidly."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.scene.meshes import NO_MESHES, MeshBank
 from evimo.scene.motion import Motion
 from evimo.scene.textures import TextureBank
 
@@ -14,6 +16,7 @@ F8 = NDArray[np.float64]
 
 BOX, ELLIPSOID, CYLINDER, GRATING, MESH = 0, 1, 2, 3, 4
 MOST_PARTS = 120  # part indices and faces share an int16 in the renderer
+STOUT = 1.24  # half sizes of a box times this are those of an ellipsoid as large, which throws its shadow
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +24,7 @@ class Surface:
     """What a part looks like.
 
     texture: index in the bank. period: of the texture on the surface, m. shift: (2,) periods.
-    dark, bright: reflectance where the texture is 0 and 1.
+    dark, bright: reflectance where the texture is 0 and 1. gloss: irradiance of a highlight's middle.
     """
 
     texture: int
@@ -29,6 +32,7 @@ class Surface:
     shift: tuple[float, float]
     dark: float
     bright: float
+    gloss: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +43,7 @@ class Part:
     half:     (3,) half sizes, m. position: (3,), rotation: (3, 3), body_from_part.
     inside:   seen from within: the room.
     openings: of a GRATING: bars per half size in x and y, and the share of the pitch that is bar, in x and y.
-    mesh:     of a MESH: which of the scene's.
+    mesh:     of a MESH: which of the scene's; all three half sizes are half its longest length.
     """
 
     shape: int
@@ -70,6 +74,7 @@ class Scene:
 
     bodies:  the first is the room; movers have the ids 1 to K in their order, every static body has id 0.
     light:   (3,) unit vector to the light, world axes. ambient: share of light without direction.
+    lamp:    angular radius of the light, rad; with 0 nothing throws a shadow. Otherwise all bodies but the first do.
     """
 
     bodies: tuple[Body, ...]
@@ -77,6 +82,8 @@ class Scene:
     light: F8
     ambient: float
     bank: TextureBank
+    meshes: MeshBank = NO_MESHES
+    lamp: float = 0.0
 
     @property
     def movers(self) -> tuple[Body, ...]:
@@ -85,7 +92,11 @@ class Scene:
 
 
 class Parts(NamedTuple):
-    """All parts of a scene as arrays of P rows, for the kernels."""
+    """All parts of a scene as arrays of P rows, for the kernels.
+
+    body: of each part. stout: (P, 3) half sizes, in unit space, of the ellipsoid that throws the part's shadow.
+    casters: (Q,) the parts that throw one.
+    """
 
     shape: NDArray[np.int32]
     inside: NDArray[np.int32]
@@ -96,6 +107,11 @@ class Parts(NamedTuple):
     half: F4
     openings: F4
     radius: F4
+    gloss: F4
+    mesh: NDArray[np.int32]
+    body: NDArray[np.int32]
+    stout: F4
+    casters: NDArray[np.int32]
 
 
 class Placed(NamedTuple):
@@ -104,12 +120,14 @@ class Placed(NamedTuple):
     to_part: (F, P, 3, 3) and origin: (F, P, 3): camera axes to the part's unit space, where it reaches from -1 to 1;
              a ray (x, y, 1) keeps its parameter, which is depth.
     light:   (F, P, 3) direction to the light in the part's axes. centre: (F, P, 3) of the part in camera axes.
+    sun:     (F, 3) direction to the light in camera axes.
     """
 
     to_part: F4
     origin: F4
     light: F4
     centre: F4
+    sun: F4
 
 
 class PackedScene:
@@ -130,7 +148,7 @@ class PackedScene:
         self.clutter = np.repeat(np.array(numbers, np.uint8), [len(body.parts) for body in scene.bodies])
         self.position = np.stack([part.position for part in parts])
         self.rotation = np.stack([part.rotation for part in parts])
-        self.parts = _as_arrays(parts)
+        self.parts = _as_arrays(scene)
 
     def placed(self, time_s: F8) -> Placed:
         """Parts in camera axes at times (F,)."""
@@ -149,17 +167,19 @@ class PackedScene:
         origin = scale * np.einsum("fpij,fpj->fpi", part_from_world, offset)
         light = part_from_world @ self.scene.light
         centre = np.einsum("fji,fpj->fpi", camera.rotation, -offset)
-        return Placed(*(np.ascontiguousarray(a, np.float32) for a in (to_part, origin, light, centre)))
+        sun = np.einsum("fji,j->fi", camera.rotation, self.scene.light)
+        return Placed(*(np.ascontiguousarray(a, np.float32) for a in (to_part, origin, light, centre, sun)))
 
 
-def _as_arrays(parts: list[Part]) -> Parts:
+def _as_arrays(scene: Scene) -> Parts:
+    parts = [part for body in scene.bodies for part in body.parts]
     half = np.stack([part.half for part in parts])
-    round_xy = np.hypot(half[:, 0], half[:, 1])
-    reach = {BOX: np.linalg.norm(half, axis=1), ELLIPSOID: half.max(axis=1), GRATING: round_xy}
-    reach[CYLINDER] = np.hypot(half[:, :2].max(axis=1), half[:, 2])
+    shape, mesh = (np.array(values, np.int32) for values in zip(*((p.shape, p.mesh) for p in parts), strict=True))
+    body = np.repeat(np.arange(len(scene.bodies)), [len(body.parts) for body in scene.bodies])
     surfaces = [part.surface for part in parts]
+    casts = (body > 0) & (shape != GRATING) & (scene.lamp > 0)
     return Parts(
-        shape=np.array([part.shape for part in parts], np.int32),
+        shape=shape,
         inside=np.array([part.inside for part in parts], np.int32),
         texture=np.array([surface.texture for surface in surfaces], np.int32),
         period=np.array([surface.period for surface in surfaces], np.float32),
@@ -167,5 +187,29 @@ def _as_arrays(parts: list[Part]) -> Parts:
         reflectance=np.array([(surface.dark, surface.bright) for surface in surfaces], np.float32),
         half=half.astype(np.float32),
         openings=np.array([part.openings for part in parts], np.float32),
-        radius=np.array([reach[part.shape][i] for i, part in enumerate(parts)], np.float32),
+        radius=np.array([_radius(part, scene.meshes) for part in parts], np.float32),
+        gloss=np.array([surface.gloss for surface in surfaces], np.float32),
+        mesh=mesh,
+        body=body.astype(np.int32),
+        stout=np.array([_stout(part, scene.meshes) for part in parts], np.float32),
+        casters=np.flatnonzero(casts).astype(np.int32),
     )
+
+
+def _radius(part: Part, meshes: MeshBank) -> float:
+    """Of the sphere around a part, m."""
+    a, b, c = part.half
+    reach = {
+        BOX: math.hypot(a, b, c),
+        ELLIPSOID: max(a, b, c),
+        CYLINDER: math.hypot(max(a, b), c),
+        GRATING: math.hypot(a, b),
+    }
+    return a * float(meshes.radius[part.mesh]) if part.shape == MESH else reach[part.shape]
+
+
+def _stout(part: Part, meshes: MeshBank) -> F8:
+    """Half sizes of the ellipsoid that throws a part's shadow, as shares of the part's own, (3,)."""
+    if part.shape == MESH:
+        return STOUT * meshes.extent[part.mesh].astype(np.float64)
+    return np.full(3, STOUT if part.shape == BOX else 1.0) if part.shape != CYLINDER else np.array((1.07, 1.07, 1.15))

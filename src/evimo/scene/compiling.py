@@ -1,14 +1,37 @@
 """How the scene's functions are compiled, without fast-math: cached code would render other pictures than new code.
 
-`lean` functions create no arrays, and numba counts no references in them: counting those of a NamedTuple's arrays at
-every call takes longer than the arithmetic. Those of them that take and give numbers (hits.py, shading.py) are also
-what CUDA kernels call: no lists, no exceptions, and float32 constants by name, since numba promotes float32 with a
-bare float literal to float64.
+`lean` functions create no arrays, nor return any to others, since numba counts no references in them: counting those of
+a NamedTuple's arrays at every call takes longer than the arithmetic. Those of them that take and give numbers (hits.py,
+shadows.py, shading.py) are also what CUDA kernels call: no lists, no exceptions, and float32 constants by name, since
+numba promotes float32 with a bare float literal to float64.
+
+Compiled code is cached until its own file changes, but it contains what it calls in other files: so the cache is told
+about all of them.
 """
+
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
 
 import numba
 
-lean = numba.njit(nogil=True, error_model="numpy", cache=True, _nrt=False)  # pyright: ignore[reportCallIssue]
-scalar = lean  # its old name, in mesh_hits.py
-jit = numba.njit(nogil=True, error_model="numpy", cache=True)
-parallel = numba.njit(nogil=True, error_model="numpy", cache=True, parallel=True)
+KERNELS = ("compiling", "film", "hits", "kernels", "mesh_hits", "mesh_trees", "shading", "shadows")
+_STAMP = sha256(b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in KERNELS)).hexdigest()
+
+
+def _compiled(**options: Any) -> Callable[[Any], Any]:
+    def compiled(function: Any) -> Any:
+        made = numba.njit(nogil=True, error_model="numpy", cache=True, **options)(function)
+        index: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)  # not part of numba's interface
+        if hasattr(index, "_source_stamp"):
+            index._source_stamp = (index._source_stamp, _STAMP)
+        return made
+
+    return compiled
+
+
+lean = _compiled(_nrt=False)
+inlined = _compiled(_nrt=False, forceinline=True)  # a lean function of so many arrays that passing them takes long
+jit = _compiled()
+parallel = _compiled(parallel=True)

@@ -11,6 +11,7 @@ import numpy as np
 from evimo.scene import film
 from evimo.scene.film import TILE
 from evimo.scene.hits import FAR, NEAR, hit_part
+from evimo.scene.kernels import moment
 from evimo.scene.on_device import THREADS, blocks, cuda, on_device, uploaded
 from evimo.scene.renderer import Frames, Renderer
 from evimo.scene.shading import NOTHING, SKY, shade_ray
@@ -20,7 +21,7 @@ i32 = np.int32
 _0, _NONE = f32(0), i32(-1)
 LISTING = (8, 8, 2)  # tiles across, tiles down and frames that a block makes lists for
 
-_hit_part, _shade_ray = on_device(hit_part), on_device(shade_ray)
+_hit_part, _shade_ray, _moment = on_device(hit_part), on_device(shade_ray), on_device(moment)
 _spheres, _listing = on_device(film._spheres), on_device(film._listing)
 
 
@@ -53,33 +54,34 @@ def _list(cones, spheres, lists):
 
 
 @cuda.jit(device=True)
-def _look(dx, dy, frame, parts, bank, light, listed, count):
+def _look(dx, dy, frame, things, light, listed, count):
     """Depth, irradiance and tag of what the ray (dx, dy, 1) meets first."""
     depth, found, met = FAR, _NONE, _NONE
     for c in range(count):
-        t, triangle = _hit_part(listed[c], dx, dy, frame, parts)
+        t, triangle = _hit_part(listed[c], dx, dy, depth, frame, things[0], things[2])
         if t > NEAR and t < depth:
             depth, found, met = t, i32(listed[c]), triangle
     if found < 0:
         return depth, SKY, i32(NOTHING)
-    irradiance, tag = _shade_ray(dx, dy, depth, found, met, frame, parts, bank, light)
+    casters = things[0].casters
+    irradiance, tag = _shade_ray(dx, dy, (depth, found, met), frame, things, light, (casters, len(casters)))
     return depth, irradiance, tag
 
 
 @cuda.jit
-def _cast(rays, placed, parts, bank, light, lists, image, depth, tags):
+def _cast(rays, placed, things, light, lists, image, depth, tags):
     """The centre rays of all pixels of all frames; a block is a tile."""
     column, row, f = cuda.blockIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
     x, y = column * TILE + cuda.threadIdx.x, row * TILE + cuda.threadIdx.y
     if y < image.shape[1] and x < image.shape[2]:
-        frame = placed.to_part[f], placed.origin[f], placed.light[f]
+        frame = _moment(placed, f)
         listed, count = lists.parts[row, column, f], lists.counts[row, column, f]
-        far, seen, tag = _look(rays[0, 0, y, x], rays[0, 1, y, x], frame, parts, bank, light, listed, count)
+        far, seen, tag = _look(rays[0, 0, y, x], rays[0, 1, y, x], frame, things, light, listed, count)
         depth[f, y, x], image[f, y, x], tags[f, y, x] = far, seen, tag
 
 
 @cuda.jit
-def _smooth(rays, placed, parts, bank, light, lists, image, tags):
+def _smooth(rays, placed, things, light, lists, image, tags):
     """More rays in pixels that see another face than a neighbour, or a fine net."""
     column, row, f = cuda.blockIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
     x, y = column * TILE + cuda.threadIdx.x, row * TILE + cuda.threadIdx.y
@@ -88,11 +90,11 @@ def _smooth(rays, placed, parts, bank, light, lists, image, tags):
         tag, up, down = tags[f, y, x], max(y - 1, 0), min(y + 1, height - 1)
         edge = tags[f, y, max(x - 1, 0)] != tag or tags[f, y, min(x + 1, width - 1)] != tag
         if edge or tags[f, up, x] != tag or tags[f, down, x] != tag or lists.nets[row, column, f]:
-            frame = placed.to_part[f], placed.origin[f], placed.light[f]
+            frame = _moment(placed, f)
             listed, count = lists.parts[row, column, f], lists.counts[row, column, f]
             total = _0
             for s in range(1, rays.shape[0]):
-                _, seen, _ = _look(rays[s, 0, y, x], rays[s, 1, y, x], frame, parts, bank, light, listed, count)
+                _, seen, _ = _look(rays[s, 0, y, x], rays[s, 1, y, x], frame, things, light, listed, count)
                 total += seen
             image[f, y, x] = total / f32(rays.shape[0] - 1)
 
@@ -101,11 +103,11 @@ class CudaRenderer:
     """Casts rays as `Renderer` does, on the GPU."""
 
     def __init__(self, renderer: Renderer) -> None:
-        scene, camera = renderer.scene, renderer.camera
+        scene = renderer.scene
         self.renderer = renderer
         self._cones, self._rays = cuda.to_device(renderer.cones), cuda.to_device(renderer.lens[0])
         self._parts, self._bank = uploaded(renderer.packed.parts), _on_gpu(scene.bank)
-        self._light = cuda.to_device(np.array((scene.ambient, 1 / camera.fx), np.float32))
+        self._meshes, self._light = uploaded(scene.meshes), cuda.to_device(renderer.light)
 
     def frames(self, time_s: np.ndarray) -> Frames:
         """Intensity, depth and parts at times (F,), on the GPU."""
@@ -114,7 +116,8 @@ class CudaRenderer:
         placed = uploaded(self.renderer.packed.placed(time_s))
         lists = self._lists(placed, len(time_s))
         rows, columns = self._cones.shape[:2]
-        tiles, scene = ((columns, rows, len(time_s)), (TILE, TILE)), (placed, self._parts, self._bank, self._light)
+        tiles = (columns, rows, len(time_s)), (TILE, TILE)
+        scene = placed, (self._parts, self._bank, self._meshes), self._light
         _cast[tiles](self._rays, *scene, lists, *frames)
         _smooth[tiles](self._rays, *scene, lists, frames.image, frames.tags)
         return frames

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 
 from evimo.scene.compiling import jit, lean, parallel
-from evimo.scene.kernels import shade, trace
+from evimo.scene.kernels import moment, shade, trace
 
 f32 = np.float32
 TILE = 8
@@ -74,25 +74,25 @@ def _listing(cone, spheres, listed):
 @lean
 def _look(f, number, scene, lists, scratch):
     """Cast and shade the first `number` rays of `scratch` at frame f."""
-    _, placed, parts, bank, light = scene
-    local, depth, found, irradiance, tags, _ = scratch
-    frame = placed.to_part[f], placed.origin[f], placed.light[f]
-    trace(local, number, frame, parts, lists[0], lists[1], depth, found)
-    shade(local, number, (depth, found), frame, parts, bank, light, (irradiance, tags))
+    _, placed, things, light = scene
+    local, hits, seen, listed, _ = scratch
+    frame = moment(placed, f)
+    trace(local, number, frame, things, lists, hits)
+    shade(local, number, hits, frame, things, light, listed, seen)
 
 
 @lean
 def _tile(f, box, scene, lists, out, scratch):
     """Cast the centre rays of one tile at frame f."""
     rays, (image, depth, tags) = scene[0], out
-    local, far, _, irradiance, faces, _ = scratch
+    local, (far, _, _), (irradiance, faces), _, _ = scratch
     y0, y1, x0, x1 = box
     number = 0
     for y in range(y0, y1):
         for x in range(x0, x1):
             local[0, number], local[1, number] = rays[0, 0, y, x], rays[0, 1, y, x]
             number += 1
-    _look(f, number, scene, lists, scratch)
+    _look(f, number, scene, (lists[0], lists[1]), scratch)
     k = 0
     for y in range(y0, y1):
         for x in range(x0, x1):
@@ -104,7 +104,7 @@ def _tile(f, box, scene, lists, out, scratch):
 def _smooth_edges(f, box, scene, lists, out, scratch):
     """Cast more rays in those pixels of a tile that see another face than a neighbour, or a fine net."""
     rays, (image, _, tags) = scene[0], out
-    local, irradiance, places, everywhere = scratch[0], scratch[3], scratch[5], lists[2]
+    local, (irradiance, _), places, everywhere = scratch[0], scratch[2], scratch[4], lists[2]
     y0, y1, x0, x1 = box
     height, width, samples = image.shape[1], image.shape[2], rays.shape[0] - 1
     number = 0
@@ -119,7 +119,7 @@ def _smooth_edges(f, box, scene, lists, out, scratch):
                     local[0, number], local[1, number] = rays[s + 1, 0, y, x], rays[s + 1, 1, y, x]
                     number += 1
     if number > 0:
-        _look(f, number, scene, lists, scratch)
+        _look(f, number, scene, (lists[0], lists[1]), scratch)
     for place in range(number // samples):
         total = _0
         for k in range(place * samples, (place + 1) * samples):
@@ -150,9 +150,10 @@ def _box(row, column, out):
 @jit
 def _scratch(scene):
     most = TILE * TILE * max(1, scene[0].shape[0] - 1)
-    depth, irradiance = np.empty(most, np.float32), np.empty(most, np.float32)
-    found, tags = np.empty(most, np.int32), np.empty(most, np.int32)
-    return np.empty((2, most), np.float32), depth, found, irradiance, tags, np.empty(TILE * TILE, np.int32)
+    hits = np.empty(most, np.float32), np.empty(most, np.int32), np.empty(most, np.int32)
+    seen = np.empty(most, np.float32), np.empty(most, np.int32)
+    listed, places = np.empty(len(scene[2][0].casters), np.int32), np.empty(TILE * TILE, np.int32)
+    return np.empty((2, most), np.float32), hits, seen, listed, places
 
 
 @jit
@@ -184,14 +185,13 @@ def _smooth_row(row, first, strides, scene, lists, out):
 
 
 @parallel
-def render(cones, rays, placed, parts, bank, light, strides, first, image, depth, tags):
+def render(cones, rays, placed, parts, bank, meshes, light, strides, first, image, depth, tags):
     """Frames through a lens.
 
     Args:
         cones: of `tile_cones`.
         rays: (1 + S, 2, H, W), the ray of each pixel's centre on Z = 1, then S rays within it, cast only at edges.
-        placed, parts, bank: the scene at F times, `bodies.Placed`, `bodies.Parts`, `textures.TextureBank`.
-        light: (2,) share of light without direction; size of a pixel on Z = 1.
+        placed: the scene at F times, `bodies.Placed`. parts, bank, meshes, light: as in `shading.shade_ray`.
         strides: (R, C) per tile: it is cast in every so many frames; F - 1 is a multiple of each.
         first: the first frame to cast; those before are given.
         image, depth, tags: written. Irradiance (F, H, W), depth (F, H, W), tags (F, H, W) int16: part * 8 + face of
@@ -204,8 +204,8 @@ def render(cones, rays, placed, parts, bank, light, strides, first, image, depth
     for f in range(frames):
         _spheres(placed.centre[f], parts, light[1], spheres[f])
     for row in numba.prange(rows):  # parallel loops take neither nested tuples nor writes to a tuple's arrays
-        scene, lists = (rays, placed, parts, bank, light), (listed, counts, nets)
+        scene, lists = (rays, placed, (parts, bank, meshes), light), (listed, counts, nets)
         _cast_row(row, first, cones, strides, scene, spheres, lists, (image, depth, tags))
     for row in numba.prange(rows):
-        scene, lists = (rays, placed, parts, bank, light), (listed, counts, nets)
+        scene, lists = (rays, placed, (parts, bank, meshes), light), (listed, counts, nets)
         _smooth_row(row, first, strides, scene, lists, (image, depth, tags))

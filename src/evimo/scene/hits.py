@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from evimo.scene.compiling import lean
+from evimo.scene.mesh_hits import hit_mesh
 
 f32 = np.float32
 i32 = np.int32
@@ -82,13 +83,16 @@ def hit_grating(ox, oy, oz, x, y, z, across, down, wide, high):
 
 
 @lean
-def hit_part(i, dx, dy, frame, parts):
-    """Depth at which the ray (dx, dy, 1) meets part i, or MISS; and which triangle of a mesh.
+def hit_part(i, dx, dy, nearest, frame, parts, meshes):
+    """Depth at which the ray (dx, dy, 1) meets part i, and which triangle of a mesh (else -1).
 
-    frame: to_part (P, 3, 3), origin (P, 3) and direction to the light (P, 3) of every part at this time.
-    parts: `bodies.Parts`. What is nearer than NEAR is to be taken as a miss.
+    The depth is MISS, or not between NEAR and `nearest`, where the part is missed or something nearer is known.
+
+    Args:
+        frame: to_part (P, 3, 3), origin (P, 3), light (P, 3), centre (P, 3) and sun (3,) of `bodies.Placed` at a time.
+        parts, meshes: `bodies.Parts` and `meshes.MeshBank`.
     """
-    to_part, origin, _ = frame
+    to_part, origin = frame[0], frame[1]
     shape, bars = parts.shape[i], parts.openings
     ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
     x, y, z = direction(to_part, i, dx, dy)
@@ -98,4 +102,13 @@ def hit_part(i, dx, dy, frame, parts):
         return hit_ellipsoid(ox, oy, oz, x, y, z), i32(-1)
     if shape == 2:
         return hit_cylinder(ox, oy, oz, x, y, z), i32(-1)
-    return hit_grating(ox, oy, oz, x, y, z, bars[i, 0], bars[i, 1], bars[i, 2], bars[i, 3]), i32(-1)
+    if shape == 3:
+        return hit_grating(ox, oy, oz, x, y, z, bars[i, 0], bars[i, 1], bars[i, 2], bars[i, 3]), i32(-1)
+    return hit_mesh_part(i, ox, oy, oz, x, y, z, nearest, parts, meshes)
+
+
+@lean
+def hit_mesh_part(i, ox, oy, oz, x, y, z, nearest, parts, meshes):
+    """Parameter and triangle of the part's mesh."""
+    root = meshes.roots[parts.mesh[i]]
+    return hit_mesh(meshes.boxes, meshes.nodes, meshes.misses, meshes.corners, root, ox, oy, oz, x, y, z, nearest)

@@ -11,9 +11,11 @@ from scipy.ndimage import maximum_filter
 from evimo.geometry.camera import Camera
 from evimo.recordings.flow import point_flow
 from evimo.recordings.truth import ObjectTruth, Truth
-from evimo.scene.bodies import PackedScene, Scene
+from evimo.scene.bodies import PackedScene, Parts, Scene
 from evimo.scene.film import TILE, render, tile_cones
 from evimo.scene.kernels import cast
+from evimo.scene.meshes import MeshBank
+from evimo.scene.textures import TextureBank
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -81,11 +83,17 @@ class Renderer:
         return Frames(np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.int16))
 
     def _render(self, time_s: F8, strides: NDArray[np.int32], first: int, out: Frames) -> None:
-        light = np.array((self.scene.ambient, 1 / self.camera.fx), np.float32)
-        packed = self.packed
-        render(
-            self.cones, self.lens[0], packed.placed(time_s), packed.parts, self.scene.bank, light, strides, first, *out
-        )
+        render(self.cones, self.lens[0], self.packed.placed(time_s), *self.things, self.light, strides, first, *out)
+
+    @property
+    def things(self) -> tuple[Parts, TextureBank, MeshBank]:
+        """What the kernels take for the scene, apart from where its parts are."""
+        return self.packed.parts, self.scene.bank, self.scene.meshes
+
+    @property
+    def light(self) -> F4:
+        """Share of light without direction; size of a pixel on Z = 1; angular radius of the light, (3,)."""
+        return np.array((self.scene.ambient, 1 / self.camera.fx, self.scene.lamp), np.float32)
 
     @cached_property
     def coarse_rays(self) -> F4:
@@ -102,7 +110,7 @@ class Renderer:
 
     def glance(self, time_s: F8) -> tuple[F4, NDArray[np.int32]]:
         """Depth (F, N) and part (F, N) of the coarse rays at times (F,)."""
-        return cast(self.coarse_rays, self.packed.placed(time_s), self.packed.parts)
+        return cast(self.coarse_rays, self.packed.placed(time_s), self.things)
 
     def glance_flow(self, time_s: float) -> F8:
         """Image velocity (2, N) of the coarse rays, 1/s."""

@@ -5,16 +5,19 @@ import math
 
 import numpy as np
 
-from evimo.scene.compiling import lean
+from evimo.scene.compiling import inlined, lean
 from evimo.scene.hits import direction
+from evimo.scene.mesh_hits import mesh_normal
+from evimo.scene.shadows import light_left
 
 f32 = np.float32
 i32 = np.int32
 TEXTURE = 256
 TEXTURE_LEVELS = 7
 
-_0, _HALF, _1, _3 = f32(0), f32(0.5), f32(1), f32(3)
+_0, _HALF, _1, _3, _4 = f32(0), f32(0.5), f32(1), f32(3), f32(4)
 SKY = f32(0.3)
+SHINE = 6  # highlights are the cosine to the power of 2^6
 NOTHING = -8  # tag of a ray that meets nothing
 _CAP = f32(0.9999)  # beyond it along a cylinder's axis a hit is on an end
 _GRAZING = f32(0.04)  # least cosine of incidence for the texture's footprint
@@ -74,33 +77,67 @@ def _pattern(texels, offsets, number, footprint, u, v):
 
 
 @lean
-def shade_ray(dx, dy, t, found, triangle, frame, parts, bank, light):
-    """Irradiance and tag of the ray (dx, dy, 1) that ends at depth t on part `found`; a tag is part * 8 + face.
+def _mesh_point(meshes, triangle, hx, hy, hz, x, y, z, half):
+    """As `_surface_point`, of a triangle; textures are laid on along the axis that it faces most."""
+    nx, ny, nz, axis = mesh_normal(meshes.corners, meshes.normals, triangle, hx, hy, hz, x, y, z)
+    u = hy if axis == 0 else hx
+    v = hy if axis == 2 else hz
+    return nx, ny, nz, u * half, v * half, axis
+
+
+@lean
+def _highlight(n, view, to_light):
+    """Blinn's highlight of unit normal, direction to the camera and to the light; 1 in its middle."""
+    hx, hy, hz = view[0] + to_light[0], view[1] + to_light[1], view[2] + to_light[2]
+    length = math.sqrt(hx * hx + hy * hy + hz * hz)
+    shine = max(_0, n[0] * hx + n[1] * hy + n[2] * hz) / max(length, _GRAZING)
+    for _ in range(SHINE):
+        shine *= shine
+    return shine
+
+
+@inlined
+def shade_ray(dx, dy, hit, frame, things, light, shadows):
+    """Irradiance and tag of a ray (dx, dy, 1) that ends on a part; a tag is part * 8 + face.
 
     Args:
-        triangle: of a mesh. frame: to_part (P, 3, 3), origin (P, 3) and direction to the light (P, 3) of every part at
-            this time. parts, bank: `bodies.Parts`, `textures.TextureBank`.
-        light: (2,) share of light without direction; size of a pixel on Z = 1.
+        hit: depth, part, and triangle of a mesh. frame: as in `hits.hit_part`.
+        things: `bodies.Parts`, `textures.TextureBank`, `meshes.MeshBank`.
+        light: (3,) share of light without direction; size of a pixel on Z = 1; angular radius of the light.
+        shadows: casters (Q,) and how many of them count: the parts that may stand in the light here.
     """
-    to_part, origin, to_light = frame
-    shapes, insides, textures, halves = parts.shape, parts.inside, parts.texture, parts.half
-    periods, shifts, reflectances = parts.period, parts.shift, parts.reflectance
-    texels, offsets = bank.texels, bank.offsets
+    (t, found, triangle), (parts, bank, meshes) = hit, things
+    to_part, origin, to_light = frame[0], frame[1], frame[2]
     i, ambient, pixel = np.uint32(found), light[0], light[1]  # unsigned: no test for counting from the end
+    shape = parts.shape[i]
     x, y, z = direction(to_part, i, dx, dy)
     hx, hy, hz = origin[i, 0] + t * x, origin[i, 1] + t * y, origin[i, 2] + t * z
-    hz = -z if shapes[i] == 3 else hz  # a net has no inside: it is lit on the side that is seen
-    a, b, c = halves[i, 0], halves[i, 1], halves[i, 2]
-    nx, ny, nz, u, v, face = _surface_point(shapes[i], hx, hy, hz, a, b, c)
+    hz = -z if shape == 3 else hz  # a net has no inside: it is lit on the side that is seen
+    a, b, c = parts.half[i, 0], parts.half[i, 1], parts.half[i, 2]
+    if shape == 4:
+        nx, ny, nz, u, v, face = _mesh_point(meshes, triangle, hx, hy, hz, x, y, z, a)
+    else:
+        nx, ny, nz, u, v, face = _surface_point(shape, hx, hy, hz, a, b, c)
     scale = _1 / math.sqrt(nx * nx + ny * ny + nz * nz)
-    lambert = scale * (nx * to_light[i, 0] + ny * to_light[i, 1] + nz * to_light[i, 2])
-    lambert = -lambert if insides[i] != 0 else lambert
+    scale = -scale if parts.inside[i] != 0 else scale
+    nx, ny, nz = scale * nx, scale * ny, scale * nz
+    lx, ly, lz = to_light[i, 0], to_light[i, 1], to_light[i, 2]
+    lambert = nx * lx + ny * ly + nz * lz
     ex, ey, ez = x * a, y * b, z * c
-    cosine = scale * abs(nx * ex + ny * ey + nz * ez) / math.sqrt(ex * ex + ey * ey + ez * ez)
-    per_m = _1 / periods[i]
-    footprint = t * pixel * f32(TEXTURE) * per_m / math.sqrt(max(cosine, _GRAZING))
-    u, v = u * per_m + shifts[i, 0], v * per_m + shifts[i, 1]
-    pattern = _pattern(texels, offsets, textures[i], footprint, u, v)
-    dark, bright = reflectances[i, 0], reflectances[i, 1]
-    lit = ambient + (_1 - ambient) * (_HALF + _HALF * lambert)
-    return (dark + (bright - dark) * pattern) * lit, i32(found) * i32(8) + i32(face)
+    nearer = -_1 / math.sqrt(ex * ex + ey * ey + ez * ez)  # times (ex, ey, ez): towards the camera
+    cosine = nearer * (nx * ex + ny * ey + nz * ez)
+    per_m = _1 / parts.period[i]
+    footprint = t * pixel * f32(TEXTURE) * per_m / math.sqrt(max(abs(cosine), _GRAZING))
+    u, v = u * per_m + parts.shift[i, 0], v * per_m + parts.shift[i, 1]
+    pattern = _pattern(bank.texels, bank.offsets, parts.texture[i], footprint, u, v)
+    dark, bright = parts.reflectance[i, 0], parts.reflectance[i, 1]
+    facing = min(_1, _4 * max(_0, lambert))  # what hardly faces the light gets none of it that could be shaded
+    left = _1
+    if shadows[1] > 0 and facing > _0:
+        left = light_left(i, (t * dx, t * dy, t), frame, parts, light[2], shadows[0], shadows[1])
+    left = _1 - facing * (_1 - left)
+    seen = (dark + (bright - dark) * pattern) * (ambient + (_1 - ambient) * left * (_HALF + _HALF * lambert))
+    if parts.gloss[i] > _0:
+        view = nearer * ex, nearer * ey, nearer * ez
+        seen += parts.gloss[i] * facing * left * _highlight((nx, ny, nz), view, (lx, ly, lz))
+    return seen, i32(found) * i32(8) + i32(face)
