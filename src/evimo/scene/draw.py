@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.scene.bodies import MOST_PARTS, Body, Scene
-from evimo.scene.meshes import MeshBank
+from evimo.scene.meshes import NO_MESHES, MeshBank
 from evimo.scene.motion import looking_at, rotation_from_vector
 from evimo.scene.moving import Pace, camera_motion, mover_motion
 from evimo.scene.paint import Paint
@@ -20,6 +20,7 @@ F8 = NDArray[np.float64]
 
 NO_MOVERS, NETTED = 0.18, 0.08
 BUSY = 0.3  # share of scenes with a dense, fast background and slow, rather plain things: they fire least
+DIFFUSE, LAMP = 0.2, (0.01, 0.15)  # share of scenes without shadows; angular radius of the light in the others, rad
 TILT = (0.08, 0.08, 0.1)  # rad, of the camera away from looking at its focus upright
 ROOM_PERIOD, THING_PERIOD = (0.4, 3.0), (0.1, 0.6)  # m, of textures
 
@@ -77,7 +78,9 @@ def draw_scene(
     bodies = _bodies(rng, view, Family(things, pool, meshes), (count, pace.mover, seconds))
     light = rng.normal(size=3) + (0, 0, 1.5)
     camera = camera_motion(rng, (view.position, view.axes), pace, seconds)
-    return Scene(bodies, camera, light / np.linalg.norm(light), float(rng.uniform(0.3, 0.8)), bank)
+    way, ambient = light / np.linalg.norm(light), float(rng.uniform(0.3, 0.8))
+    lamp = 0.0 if rng.random() < DIFFUSE else math.exp(rng.uniform(*np.log(LAMP)))
+    return Scene(bodies, camera, way, ambient, bank, meshes=NO_MESHES if meshes is None else meshes, lamp=lamp)
 
 
 def _jittered(rng: np.random.Generator, pace: Pace, *, busy: bool) -> Pace:

@@ -11,6 +11,7 @@ from evimo.scene.textures import TextureBank
 DARKEST, BRIGHTEST = 0.03, 0.95
 FAINT = 0.3  # of patterned surfaces: what is on them stays below the thresholds of event pixels, as on real walls
 FAINT_CONTRAST = (0.03, 0.2)
+GLOSSY, GLOSS = 0.15, (0.1, 0.5)  # share of surfaces with a highlight, and the irradiance of its middle
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,4 +35,5 @@ class Paint:
         dark = math.exp(rng.uniform(math.log(DARKEST), math.log(BRIGHTEST) - min(depth, 2.0)))
         period = math.exp(rng.uniform(*np.log(self.period)))
         shift = (float(rng.random()), float(rng.random()))
-        return Surface(int(rng.choice(kinds)), period, shift, dark, min(BRIGHTEST, dark * math.exp(depth)))
+        bright, gloss = min(BRIGHTEST, dark * math.exp(depth)), rng.uniform(*GLOSS) if rng.random() < GLOSSY else 0.0
+        return Surface(int(rng.choice(kinds)), period, shift, dark, bright, float(gloss))
