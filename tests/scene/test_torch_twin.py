@@ -4,6 +4,8 @@ It places every part itself, casts every ray at every part, and samples textures
 simulator's list.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -19,7 +21,7 @@ from evimo.scene.renderer import WITHIN_PIXEL, Renderer
 SIZE, LEVELS = 256, 7  # of textures
 CAP = 0.9999  # of a cylinder: beyond it along the axis is an end
 SHIFTS = (3.1, 5.7, 7.3)  # m, of opposite faces' textures
-SKY = 0.3
+SKY, SHINE = 0.3, 6
 
 
 def placed(scene, part, body, time_s):
@@ -99,6 +101,36 @@ def textured(bank, number, uv, footprint):
     return value
 
 
+def hidden(scene, caster, body, points, time_s):
+    """Share of the lamp, a disc far away, that a part hides from points (N, 3) in camera axes.
+
+    Seen as an ellipsoid, in the space where that is the unit sphere: how far the line to the lamp passes by it.
+    """
+    rotation, eye, sun = placed(scene, caster, body, time_s)
+    stout = {BOX: (1.24, 1.24, 1.24), ELLIPSOID: (1, 1, 1), CYLINDER: (1.07, 1.07, 1.15)}[caster.shape]
+    axes = torch.tensor(caster.half) * torch.tensor(stout, dtype=torch.float64)
+    at, way = (points @ rotation.T + eye) / axes, sun / axes
+    units = way.norm()
+    ahead = -(at @ way) / units
+    nearest = at + ahead[:, None] * way / units
+    by = nearest.norm(dim=1)
+    across = by / (nearest * axes).norm(dim=1)  # units per metre there
+    blur = (scene.lamp * ahead / units * across).clamp(min=1e-9)
+    narrow = blur.clamp(max=1)
+    edge = ((1 + blur - by) / (2 * narrow)).clamp(0, 1)
+    return torch.where(ahead > 0, edge**2 * (3 - 2 * edge) * (narrow / blur) ** 2, 0)
+
+
+def left_of_lamp(scene, own, points, time_s):
+    """Share (N,) of the lamp that reaches points of one body; neither the room nor nets throw shadows."""
+    left = torch.ones(len(points))
+    for body in scene.bodies[1:] if scene.lamp else ():
+        for caster in body.parts if body is not own else ():
+            if caster.shape != GRATING:
+                left *= 1 - hidden(scene, caster, body, points, time_s)
+    return left
+
+
 def twin(scene, rays, time_s, pixel):
     """Irradiance, depth and tag (N,) of rays (N, 2) on Z = 1; `pixel` is the size of one there."""
     torch.set_default_dtype(torch.float64)
@@ -128,9 +160,14 @@ def _twin(scene, rays, time_s, pixel):
         cosine = ((normal * metric).sum(1).abs() / metric.norm(dim=1)).clamp(min=0.04)
         footprint = t * pixel * SIZE / look.period / cosine.sqrt()
         pattern = textured(scene.bank, look.texture, uv / look.period + torch.tensor(look.shift), footprint)
-        lambert = (normal @ sun) * (-1 if part.inside else 1)
-        lit = scene.ambient + (1 - scene.ambient) * (0.5 + 0.5 * lambert)
-        light[mine] = (look.dark + (look.bright - look.dark) * pattern) * lit
+        normal = -normal if part.inside else normal
+        lambert = normal @ sun
+        facing = (4 * lambert).clamp(0, 1)
+        left = 1 - facing * (1 - left_of_lamp(scene, body, t[:, None] * forward[mine], time_s))
+        lit = scene.ambient + (1 - scene.ambient) * left * (0.5 + 0.5 * lambert)
+        middle = sun - metric / metric.norm(dim=1, keepdim=True)  # between the lamp and the camera
+        shine = ((normal * middle).sum(1) / middle.norm(dim=1)).clamp(min=0) ** 2**SHINE
+        light[mine] = (look.dark + (look.bright - look.dark) * pattern) * lit + look.gloss * facing * left * shine
         nearest[mine], tag[mine] = t, 8 * number + face
     return light, nearest, tag
 
@@ -171,6 +208,26 @@ def test_8_pictures_and_ids_are_those_of_a_twin_in_torch(small_scene, time_s):
     assert off.max() < 1e-2
 
 
+@pytest.fixture
+def shiny_scene(small_scene):
+    """The same under a lamp that throws shadows, everything with highlights."""
+    bodies = [
+        replace(body, parts=tuple(replace(part, surface=replace(part.surface, gloss=0.4)) for part in body.parts))
+        for body in small_scene.bodies
+    ]
+    return replace(small_scene, bodies=tuple(bodies), lamp=0.12)
+
+
+def test_8_shadows_and_highlights_are_those_of_a_twin_in_torch(small_scene, shiny_scene):
+    other, off = compared(shiny_scene, 0.4)
+    assert other == 0
+    assert np.percentile(off, 99.9) < 1e-3
+    plain, lit = (twins_frame(scene, LARGER, 0.4)[0] for scene in (small_scene, shiny_scene))
+    assert (lit < plain - 0.02).mean() > 0.02  # shadows
+    assert (lit > plain + 0.02).mean() > 0.02  # highlights
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("number", SETS)
 def test_8_drawn_scenes_are_those_of_a_twin_in_torch(number, bank):
     """With up to a hundred parts, many thin: a ray in ten thousand may fall on the other side of an edge."""
