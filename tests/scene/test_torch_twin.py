@@ -114,7 +114,7 @@ def hidden(scene, caster, body, points, time_s):
     ahead = -(at @ way) / units
     nearest = at + ahead[:, None] * way / units
     by = nearest.norm(dim=1)
-    across = by / (nearest * axes).norm(dim=1)  # units per metre there
+    across = (nearest / axes).norm(dim=1) / by  # how fast `by` grows per metre
     blur = (scene.lamp * ahead / units * across).clamp(min=1e-9)
     narrow = blur.clamp(max=1)
     edge = ((1 + blur - by) / (2 * narrow)).clamp(0, 1)

@@ -48,10 +48,9 @@ def hidden_share(i, point, frame, parts, lamp):
         return _0
     x, y, z = x + ahead * lx, y + ahead * ly, z + ahead * lz
     by = math.sqrt(x * x + y * y + z * z)
-    mx, my, mz = x * a / sa, y * b / sb, z * c / sc
-    m = math.sqrt(mx * mx + my * my + mz * mz)
-    stretch = by / m if by > _TINY and m > _TINY else per_m  # units per metre across the ray
-    half_shadow = max(lamp * ahead / per_m * stretch, _TINY)
+    gx, gy, gz = x * sa / a, y * sb / b, z * sc / c
+    steep = math.sqrt(gx * gx + gy * gy + gz * gz) / by if by > _TINY else per_m  # of `by`, per metre across the ray
+    half_shadow = max(lamp * ahead / per_m * steep, _TINY)
     narrow = min(half_shadow, _1)
     edge = min(_1, max(_0, (_1 + half_shadow - by) / (_2 * narrow)))
     return edge * edge * (_3 - _2 * edge) * (narrow / half_shadow) * (narrow / half_shadow)
