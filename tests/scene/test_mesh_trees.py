@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from evimo.scene.mesh_trees import LEAF, escapes, grow
+from evimo.scene.mesh_trees import LEAF, corner_normals, escapes, grow
 
 
 def boxes_of(rng, number, spread):
@@ -64,3 +64,18 @@ def test_a_hundred_thousand_triangles_take_less_than_a_second():
     start = time.process_time()
     grow(triangles)
     assert time.process_time() - start < 1
+
+
+@pytest.mark.slow
+def test_a_fan_of_thousands_of_triangles_around_one_vertex_takes_no_longer_than_others():
+    angle = np.linspace(0, 2 * np.pi, 100_001)[:-1]
+    rim = np.stack((np.cos(angle), np.sin(angle), 0 * angle), axis=1)
+    triangles = np.stack(
+        (np.zeros(len(rim), int), np.arange(1, len(rim) + 1), np.roll(np.arange(1, len(rim) + 1), -1)), 1
+    )
+    areas = np.cross(rim, np.roll(rim, -1, axis=0))
+    corner_normals(areas[:4], triangles[:4], 6, 0.77)
+    start = time.process_time()
+    normals = corner_normals(areas, triangles, len(rim) + 1, 0.77)
+    assert time.process_time() - start < 3
+    assert normals == pytest.approx(np.tile((0, 0, 1), (len(rim), 3)), abs=1e-6)

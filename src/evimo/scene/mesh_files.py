@@ -9,7 +9,7 @@ import numpy as np
 from evimo.errors import BadFile
 from evimo.scene.mesh_clouds import surface_of
 from evimo.scene.mesh_ply import plain_ply
-from evimo.scene.meshes import F8, I8, MeshBank, Triangles, areas, mesh_bank
+from evimo.scene.meshes import F8, I8, MeshBank, Triangles, in_unit_space, mesh_bank
 from evimo.scene.own_files import OwnFiles, content_of, own_files
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
@@ -72,7 +72,11 @@ def _flaw(vertices: F8, triangles: I8) -> str:
         return f"{len(triangles):,} triangles, at most {MOST_TRIANGLES:,} are taken"
     if triangles.min() < 0 or triangles.max() >= len(vertices):
         return f"triangles of vertices beyond its {len(vertices):,}"
-    return "" if areas(vertices, triangles).any() else "no triangle of any area"
+    try:
+        in_unit_space(vertices, triangles)
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 def _as_stored(file: Path) -> Triangles:

@@ -9,6 +9,8 @@ LEAF = 8  # triangles at most, where they can be told apart
 BINS = 16
 _STEP = 2.0  # cost of visiting a node, in tests of a triangle
 
+_CROWD = 300  # triangles around a vertex that are looked at
+
 
 @jit
 def _area(box):
@@ -85,6 +87,20 @@ def _parted(order, first, stop, middles, axis, cut, low, per):
 
 
 @jit
+def _cut_at(order, first, stop, box, triangles, middles):
+    """Part order[first:stop], which fills `box`: where the second half begins, or `stop` for a leaf; and the axis."""
+    number = stop - first
+    if number == 1:
+        return stop, 0
+    axis, cut, low, per, cost = _split(triangles, middles, order[first:stop])
+    if number <= LEAF and (cut < 0 or cost + _STEP * _area(box) >= number * _area(box)):
+        return stop, axis
+    if cut < 0:  # all in one place
+        return first + number // 2, axis
+    return _parted(order, first, stop, middles, axis, cut, low, per), axis
+
+
+@jit
 def grow(triangles):
     """The tree of triangles given by their boxes (T, 6).
 
@@ -94,10 +110,7 @@ def grow(triangles):
         Rows are in depth-first order.
     """
     total = len(triangles)
-    middles = np.empty((total, 3), np.float64)
-    for k in range(total):
-        for axis in range(3):
-            middles[k, axis] = 0.5 * (triangles[k, axis] + triangles[k, 3 + axis])
+    middles = 0.5 * (triangles[:, :3].astype(np.float64) + triangles[:, 3:])
     order = np.arange(total)
     boxes, nodes = np.empty((2 * total, 6), np.float32), np.zeros((2 * total, 4), np.int32)
     waiting, depth, made = np.empty((total + 1, 3), np.int64), 1, 0
@@ -112,18 +125,9 @@ def grow(triangles):
         for k in order[first:stop]:
             _widen(box, triangles[k, :3], triangles[k, 3:])
         boxes[made] = box
-        number = stop - first
-        axis, cut, low, per, cost = (
-            _split(triangles, middles, order[first:stop]) if number > 1 else (0, -1, 0.0, 0.0, 0.0)
-        )
-        if cut < 0 and number > LEAF:
-            cut_at = first + number // 2  # all in one place
-        elif number == 1 or (number <= LEAF and cost + _STEP * _area(box) >= number * _area(box)):
-            cut_at = stop
-        else:
-            cut_at = _parted(order, first, stop, middles, axis, cut, low, per)
+        cut_at, axis = _cut_at(order, first, stop, box, triangles, middles)
         if cut_at >= stop:
-            nodes[made, 0], nodes[made, 1] = first, number
+            nodes[made, 0], nodes[made, 1] = first, stop - first
         else:
             nodes[made, 3] = axis
             waiting[depth, 0], waiting[depth, 1], waiting[depth, 2] = cut_at, stop, made
@@ -151,41 +155,40 @@ def escapes(nodes):
 
 
 @jit
-def corner_normals(corners, triangles, count, least_cosine):
-    """Unit normals (T, 9) at the corners of triangles: the mean, by area, of those around the vertex that face much
-    the same way (cosine at least `least_cosine`), so that creases stay sharp.
-
-    Args:
-        corners: (T, 9). triangles: (T, 3) vertex indices below `count`.
-    """
-    total = len(corners)
-    areas = np.empty((total, 3), np.float64)
-    for k in range(total):
-        a, b, c = corners[k, :3], corners[k, 3:6], corners[k, 6:]
-        e, f = (b - a).astype(np.float64), (c - a).astype(np.float64)
-        areas[k, 0] = e[1] * f[2] - e[2] * f[1]
-        areas[k, 1] = e[2] * f[0] - e[0] * f[2]
-        areas[k, 2] = e[0] * f[1] - e[1] * f[0]
+def _around(triangles, count):
+    """The triangles around each of `count` vertices: those of v are around[starts[v] : starts[v + 1]]."""
     starts = np.zeros(count + 1, np.int64)
-    for k in range(total):
+    for k in range(len(triangles)):
         for corner in range(3):
             starts[triangles[k, corner] + 1] += 1
     starts = np.cumsum(starts)
-    around, filled = np.empty(3 * total, np.int64), starts[:-1].copy()
-    for k in range(total):
+    around, filled = np.empty(3 * len(triangles), np.int64), starts[:-1].copy()
+    for k in range(len(triangles)):
         for corner in range(3):
             vertex = triangles[k, corner]
             around[filled[vertex]] = k
             filled[vertex] += 1
-    normals = np.empty((total, 9), np.float32)
-    for k in range(total):
-        mine = areas[k] / max(1e-30, np.sqrt((areas[k] ** 2).sum()))
+    return starts, around
+
+
+@jit
+def corner_normals(areas, triangles, count, least_cosine):
+    """Unit normals (T, 9) at the corners of triangles: the mean, by area, of those around the vertex that face much
+    the same way (cosine at least `least_cosine`), so that creases stay sharp.
+
+    Args:
+        areas: (T, 3) as vectors, twice as long, none zero. triangles: (T, 3) vertex indices below `count`.
+    """
+    lengths = np.sqrt((areas**2).sum(axis=1))
+    starts, around = _around(triangles, count)
+    normals = np.empty((len(triangles), 9), np.float32)
+    for k in range(len(triangles)):
+        mine = areas[k] / lengths[k]
         for corner in range(3):
-            vertex, mean = triangles[k, corner], np.zeros(3, np.float64)
-            for other in around[starts[vertex] : starts[vertex + 1]]:
-                length = np.sqrt((areas[other] ** 2).sum())
-                if (areas[other] * mine).sum() >= least_cosine * length:
+            vertex, mean = triangles[k, corner], areas[k].copy()
+            first, stop = starts[vertex], starts[vertex + 1]
+            for other in around[first : min(stop, first + _CROWD)]:
+                if other != k and (areas[other] * mine).sum() >= least_cosine * lengths[other]:
                     mean += areas[other]
-            length = np.sqrt((mean**2).sum())
-            normals[k, 3 * corner : 3 * corner + 3] = mean / length if length > 1e-30 else mine
+            normals[k, 3 * corner : 3 * corner + 3] = mean / np.sqrt((mean**2).sum())
     return normals

@@ -66,35 +66,38 @@ def mesh_bank(meshes: Sequence[Triangles]) -> MeshBank:
     return MeshBank(*(np.concatenate(each, axis=1 if name == "misses" else 0) for name, each in columns))
 
 
-def areas(vertices: F8, triangles: I8) -> F8:
-    """Twice the areas of triangles (T, 3) of vertices (V, 3)."""
-    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
+def in_unit_space(vertices: F8, triangles: I8) -> tuple[F4, I8]:
+    """Vertices there, each once, and those triangles that have some area.
 
-
-def _single(vertices: F8, faces: I8) -> MeshBank:
-    if not len(faces):
-        raise ValueError("a mesh without triangles")
-    used, faces = np.unique(vertices[faces.ravel()], axis=0, return_inverse=True)
-    faces = faces.reshape(-1, 3)  # where corners meet they are one vertex, whatever the file says
+    Raises:
+        ValueError: there is none.
+    """
+    used, corners = np.unique(vertices[triangles.ravel()], axis=0, return_inverse=True)
+    if len(used) < 3:
+        raise ValueError("no triangle of any area")
     low, high = used.min(axis=0), used.max(axis=0)
-    scale = (high - low).max() / 2
-    unit = ((used - (low + high) / 2) / (scale or 1.0)).astype(np.float32)
-    corners = unit[faces].reshape(-1, 9)
-    first, second = corners[:, 3:6] - corners[:, :3], corners[:, 6:] - corners[:, :3]
-    solid = np.linalg.norm(np.cross(first, second), axis=1) > 0
+    unit = ((used - (low + high) / 2) / ((high - low).max() / 2)).astype(np.float32)
+    triangles = corners.reshape(-1, 3)
+    solid = (_areas(unit, triangles) != 0).any(axis=1)
     if not solid.any():
-        raise ValueError("no triangle of the mesh has an area")
-    corners, faces = np.ascontiguousarray(corners[solid]), faces[solid]
-    normals = corner_normals(corners, faces, len(used), CREASE)
-    three = corners.reshape(-1, 3, 3)
-    boxes, nodes, order = grow(np.concatenate((three.min(axis=1), three.max(axis=1)), axis=1))
-    extent = ((high - low) / 2 / scale).astype(np.float32)
-    radius = np.linalg.norm(three, axis=2).max().astype(np.float32)
-    root = np.zeros(1, np.int32)
-    return MeshBank(
-        corners[order], normals[order], boxes, nodes, escapes(nodes), root, extent[None], np.atleast_1d(radius)
-    )
+        raise ValueError("no triangle of any area")
+    return unit, triangles[solid]
+
+
+def _areas(vertices: F4, triangles: I8) -> F8:
+    """As vectors (T, 3), twice as long."""
+    a, b, c = (vertices[triangles[:, corner]].astype(np.float64) for corner in range(3))
+    return np.cross(b - a, c - a)
+
+
+def _single(vertices: F8, triangles: I8) -> MeshBank:
+    unit, triangles = in_unit_space(vertices, triangles)
+    normals = corner_normals(_areas(unit, triangles), triangles, len(unit), CREASE)
+    corners = unit[triangles]
+    boxes, nodes, order = grow(np.concatenate((corners.min(axis=1), corners.max(axis=1)), axis=1))
+    extent, radius = np.abs(unit).max(axis=0, keepdims=True), np.linalg.norm(unit, axis=1).max(keepdims=True)
+    rows = np.ascontiguousarray(corners.reshape(-1, 9)[order])
+    return MeshBank(rows, normals[order], boxes, nodes, escapes(nodes), np.zeros(1, np.int32), extent, radius)
 
 
 def _empty() -> MeshBank:
