@@ -11,13 +11,13 @@ from evimo.recordings.recording import open_recording
 from evimo.simulate.dataset import DatasetPlan, write_recording
 from evimo.simulate.pictures import pictures
 
-PLAN = DatasetPlan(set_number=3, minutes=1, seed=7, seconds=0.1, size=(48, 64))
+PLAN = DatasetPlan(set_number=3, minutes=1, seed=8, seconds=0.1, size=(48, 64))
 
 
 @pytest.mark.slow
 def test_pictures_made_again_change_where_events_say_so(tmp_path):
     """Pixels that got ON events became brighter, those with OFF events darker: the pictures are of this recording."""
-    made = open_recording(write_recording(PLAN, tmp_path, 7))
+    made = open_recording(write_recording(PLAN, tmp_path, 8))
     light = pictures(made)
     assert light is not None
     change = np.log(light(62_500) + 0.05) - np.log(light(37_500) + 0.05)
