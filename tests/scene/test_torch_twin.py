@@ -158,7 +158,7 @@ def _twin(scene, rays, time_s, pixel):
         normal, uv, face = surface(part, start + t[:, None] * way, way)
         normal, metric = normal / normal.norm(dim=1, keepdim=True), way * half
         cosine = ((normal * metric).sum(1).abs() / metric.norm(dim=1)).clamp(min=0.04)
-        footprint = t * pixel * SIZE / look.period / cosine.sqrt()
+        footprint = 0.7 * t * pixel * SIZE / look.period / cosine.sqrt()
         pattern = textured(scene.bank, look.texture, uv / look.period + torch.tensor(look.shift), footprint)
         normal = -normal if part.inside else normal
         lambert = normal @ sun
