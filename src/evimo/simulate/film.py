@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadInput
 from evimo.events.events import Events
+from evimo.scene.film import TILE
 from evimo.scene.renderer import Frames, Renderer
 from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.sensor import SensorSettings
@@ -73,14 +74,36 @@ def film_on(device: str) -> "type[Film | CudaFilm]":
 
 
 def steps(renderer: Renderer, start_s: float, stop_s: float) -> tuple[F8, Strides]:
-    """Times (4 n + 1,) of frames from start to stop, for the motion in the middle; each tile's stride, 1, 2 or more."""
-    seconds, middle_s = stop_s - start_s, 0.5 * (start_s + stop_s)
-    speed = np.linalg.norm(renderer.glance_flow(middle_s), axis=0) * renderer.camera.fx
-    wanted = np.clip(STEP_PX / np.maximum(speed, 1e-3), SHORTEST_S, LONGEST_S)
-    quarters = math.ceil(seconds / float(np.percentile(wanted, 1)) / 4)
-    fastest = renderer.by_tile(speed)
-    possible = np.array([n for n in (1, 2, 4, 8, 16) if 2 * quarters % n == 0])
-    step_s = seconds / (4 * quarters)
+    """Times (4 n + 1,) of frames from start to stop, for the motion between; each tile's stride, 1, 2 or more.
+
+    The fastest one pixel in a hundred moves STEP_PX between frames, and none over twice that, if SHORTEST_S allows.
+    """
+    speed = _speed(renderer, start_s, stop_s)
+    time_s, fastest = frame_times(speed, start_s, stop_s), renderer.by_tile(speed)
+    possible = np.array([n for n in (1, 2, 4, 8, 16) if len(time_s) // 2 % n == 0])
+    step_s = (stop_s - start_s) / (len(time_s) - 1)
     enough = np.clip(STEP_PX / np.maximum(fastest, 1e-3), 0, LONGEST_S) / step_s
-    strides = possible[np.searchsorted(possible, enough, "right").clip(1) - 1].astype(np.int32)
-    return np.linspace(start_s, stop_s, 4 * quarters + 1), strides
+    return time_s, possible[np.searchsorted(possible, enough, "right").clip(1) - 1].astype(np.int32)
+
+
+def frame_times(speed: F8, start_s: float, stop_s: float) -> F8:
+    """Times (4 n + 1,) of frames from start to stop, where coarse rays' points move at up to `speed` (N,) px/s."""
+    wanted = np.clip(STEP_PX / np.maximum(speed, 1e-3), SHORTEST_S, LONGEST_S)
+    quarters = math.ceil((stop_s - start_s) / min(float(np.percentile(wanted, 1)), 2 * float(wanted.min())) / 4)
+    return np.linspace(start_s, stop_s, 4 * quarters + 1)
+
+
+def more_looks(speed: F8, start_s: float, stop_s: float) -> F8:
+    """When to look at the motion again (L,), after a look in the middle: if anything crosses a tile by then."""
+    crosses = float(speed.max()) * (stop_s - start_s) >= TILE
+    return np.array((start_s, stop_s)) if crosses else np.empty(0)
+
+
+def _speed(renderer: Renderer, start_s: float, stop_s: float) -> F8:
+    """The most that each coarse ray's point moves, px/s (N,)."""
+
+    def at(time_s: float) -> F8:
+        return np.linalg.norm(renderer.glance_flow(time_s), axis=0) * renderer.camera.fx
+
+    speed = at(0.5 * (start_s + stop_s))
+    return np.max([speed, *(at(float(time_s)) for time_s in more_looks(speed, start_s, stop_s))], axis=0)
