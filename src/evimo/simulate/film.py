@@ -88,8 +88,8 @@ def steps(renderer: Renderer, start_s: float, stop_s: float) -> tuple[F8, Stride
 
 def frame_times(speed: F8, start_s: float, stop_s: float) -> F8:
     """Times (4 n + 1,) of frames from start to stop, where coarse rays' points move at up to `speed` (N,) px/s."""
-    wanted = np.clip(STEP_PX / np.maximum(speed, 1e-3), SHORTEST_S, LONGEST_S)
-    quarters = math.ceil((stop_s - start_s) / min(float(np.percentile(wanted, 1)), 2 * float(wanted.min())) / 4)
+    wanted_s = STEP_PX / max(float(np.percentile(speed, 99)), 0.5 * float(speed.max()), 1e-3)
+    quarters = math.ceil((stop_s - start_s) / min(LONGEST_S, max(SHORTEST_S, wanted_s)) / 4)
     return np.linspace(start_s, stop_s, 4 * quarters + 1)
 
 
