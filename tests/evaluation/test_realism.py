@@ -104,7 +104,7 @@ MOVING = (
     "recordings/davis240_poster/poster_translation.npz",
     "recordings/eed_what_is_background/EED_what_is_background_events.es",
 )
-SEED, RECORDINGS = 5000, 12
+SEED, RECORDINGS = 5000, 20
 JUDGED = {measure.name: measure for measure in MEASURES if measure.judged}
 BUSY_HZ = (
     0.2  # events per pixel: the clips of cameras at rest have 0.37 and 3.35; below, movers rest or are out of view

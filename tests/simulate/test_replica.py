@@ -11,8 +11,8 @@ from evimo.cli.simulate import simulate
 from evimo.errors import BadInput
 from evimo.recordings.recording import open_recording
 from evimo.scene.draw import SETS
-from evimo.scene.pools import family
 from evimo.scene.patterns import SIZE
+from evimo.scene.pools import family
 from evimo.simulate.cameras import EVIMO
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.replica import INDEX, ReplicaPlan, simulate_replica
