@@ -54,18 +54,34 @@ def _list(cones, spheres, lists):
 
 
 @cuda.jit(device=True)
-def _look(dx, dy, frame, things, light, listed, count):
-    """Depth, irradiance and tag of what the ray (dx, dy, 1) meets first."""
+def _nearest(dx, dy, frame, things, listed, count):
+    """Depth, part and triangle of what the ray (dx, dy, 1) meets first, as in `kernels.trace`."""
     depth, found, met = FAR, _NONE, _NONE
     for c in range(count):
         t, triangle = _hit_part(listed[c], dx, dy, depth, frame, things[0], things[2])
         if t > NEAR and t < depth:
             depth, found, met = t, i32(listed[c]), triangle
-    if found < 0:
-        return depth, SKY, i32(NOTHING)
+    return depth, found, met
+
+
+@cuda.jit(device=True)
+def _look(dx, dy, frame, things, light, listed, count):
+    """Depth, irradiance and tag of what the ray (dx, dy, 1) meets first."""
+    hit = _nearest(dx, dy, frame, things, listed, count)
+    if hit[1] < 0:
+        return hit[0], SKY, i32(NOTHING)
     casters = things[0].casters
-    irradiance, tag = _shade_ray(dx, dy, (depth, found, met), frame, things, light, (casters, len(casters)))
-    return depth, irradiance, tag
+    irradiance, tag = _shade_ray(dx, dy, hit, frame, things, light, (casters, len(casters)))
+    return hit[0], irradiance, tag
+
+
+@cuda.jit
+def _glance(rays, placed, things, everything, depth, parts):
+    """What rays (2, N) meet in all frames, against every part."""
+    k, f = cuda.grid(2)
+    if k < rays.shape[1]:
+        frame = _moment(placed, f)
+        depth[f, k], parts[f, k], _ = _nearest(rays[0, k], rays[1, k], frame, things, everything, len(everything))
 
 
 @cuda.jit
@@ -121,6 +137,16 @@ class CudaRenderer:
         _cast[tiles](self._rays, *scene, lists, *frames)
         _smooth[tiles](self._rays, *scene, lists, frames.image, frames.tags)
         return frames
+
+    def glance(self, time_s: np.ndarray) -> tuple[Any, Any]:
+        """Depth (F, N) and part (F, N) of the renderer's coarse rays at times (F,), on the GPU."""
+        rays, everything = self.renderer.coarse_rays, np.arange(len(self._parts.shape), dtype=np.uint8)
+        shape = (len(time_s), rays.shape[1])
+        depth, parts = cuda.device_array(shape, np.float32), cuda.device_array(shape, np.int32)
+        things, placed = (self._parts, self._bank, self._meshes), uploaded(self.renderer.packed.placed(time_s))
+        grid = ((blocks(shape[1]), shape[0]), (THREADS, 1))
+        _glance[grid](cuda.to_device(rays), placed, things, cuda.to_device(everything), depth, parts)
+        return depth, parts
 
     def _lists(self, placed: Any, frames: int) -> Lists:
         rows, columns = self._cones.shape[:2]

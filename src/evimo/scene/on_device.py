@@ -13,6 +13,8 @@ from evimo.errors import BadInput
 
 cuda: Any = numba.cuda  # its annotations know neither kernels nor numpy's types
 SIMULATED = bool(numba.core.config.ENABLE_CUDASIM)  # pyright: ignore[reportAttributeAccessIssue]
+if not SIMULATED:
+    cuda.dispatcher.config.CUDA_LOW_OCCUPANCY_WARNINGS = 0  # kernels of few threads are meant
 THREADS = 128  # in a block, where they need no neighbours
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from evimo.events.frames import CHANNELS, PixelTable
 from evimo.events.slices import SLICE_US
-from evimo.scene.on_device import THREADS, blocks, cuda, uploaded
+from evimo.scene.on_device import THREADS, blocks, cuda
 from evimo.simulate.cuda_pixels import MS, SliceSums
 
 f32, u64 = np.float32, np.uint64
@@ -31,7 +31,7 @@ class Splat(NamedTuple):
 
 
 def splat_through(table: PixelTable) -> Splat:
-    """The table as arrays on the GPU."""
+    """The table as arrays."""
     height, width = table.out_height, table.out_width
     inside = table.valid & (table.x >= -0.5) & (table.x < width - 0.5) & (table.y >= -0.5) & (table.y < height - 0.5)
     source = np.flatnonzero(inside)
@@ -44,7 +44,7 @@ def splat_through(table: PixelTable) -> Splat:
     order = np.argsort(target.ravel(), kind="stable")
     order = order[weight[order] > 0]
     first = np.searchsorted(target.ravel()[order], np.arange(height * width + 1))
-    return uploaded(Splat(first, np.repeat(source, 4)[order].astype(np.int32), weight[order]))
+    return Splat(first, np.repeat(source, 4)[order].astype(np.int32), weight[order])
 
 
 @cuda.jit

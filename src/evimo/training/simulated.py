@@ -2,9 +2,10 @@
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import count
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
@@ -16,6 +17,9 @@ from evimo.simulate.recording import simulate_recording
 from evimo.training.batches import Batch
 from evimo.training.data import augmented, drawn_reach
 
+if TYPE_CHECKING:
+    from evimo.simulate.cuda_slices import Ready
+
 DRAW_STREAM = 0xBA7C  # of random numbers, besides those of the recordings
 
 
@@ -26,6 +30,7 @@ class SimulatedSource:
     seed: of the first recording; others follow. sets: that they are of, in turn. seconds: of each.
     sensor, camera, size: as in `simulate_recording`. part: what their scenes are held to.
     pool: recordings in memory at a time; a slice of 346x260 px takes 2.4 MB. batches: until the oldest is replaced.
+    threads: of the CPU that draw scenes and work out lenses.
     """
 
     seed: int
@@ -37,6 +42,7 @@ class SimulatedSource:
     part: str | None = "train"
     pool: int = 64
     batches: int = 8
+    threads: int = 4
 
 
 class SliceTensors(NamedTuple):
@@ -78,21 +84,32 @@ def batch_from(pool: Sequence[SliceTensors], size: int, rng: Generator, *, slice
 
 
 def _simulated(source: SimulatedSource) -> Iterator[SliceTensors]:
+    """One recording after another; the next few are made ready by threads meanwhile."""
     from evimo.simulate.cuda_slices import simulated_slices
 
-    for seed in count(source.seed):
-        recording = simulate_recording(
-            seed,
-            set_number=source.sets[seed % len(source.sets)],
-            seconds=source.seconds,
-            camera=source.camera,
-            sensor=source.sensor,
-            size=source.size,
-            part=source.part,
-            device="cuda",
-        )
-        made = simulated_slices(recording)._asdict()
-        yield SliceTensors(**{name: _tensor(made[name]) for name in SliceTensors._fields})
+    seeds = count(source.seed)
+    with ThreadPoolExecutor(source.threads) as threads:
+        waiting = deque(threads.submit(_made_ready, source, next(seeds)) for _ in range(2 * source.threads))
+        while True:
+            waiting.append(threads.submit(_made_ready, source, next(seeds)))
+            made = simulated_slices(waiting.popleft().result())._asdict()
+            yield SliceTensors(**{name: _tensor(made[name]) for name in SliceTensors._fields})
+
+
+def _made_ready(source: SimulatedSource, seed: int) -> "Ready":
+    from evimo.simulate.cuda_slices import made_ready
+
+    recording = simulate_recording(
+        seed,
+        set_number=source.sets[seed % len(source.sets)],
+        seconds=source.seconds,
+        camera=source.camera,
+        sensor=source.sensor,
+        size=source.size,
+        part=source.part,
+        device="cuda",
+    )
+    return made_ready(recording)
 
 
 def _tensor(values: Any) -> Tensor:
