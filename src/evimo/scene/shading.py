@@ -98,6 +98,17 @@ def _highlight(n, view, to_light):
 
 
 @inlined
+def _reflectance(i, parts, bank, u, v, width, cosine):
+    """Of part i at texture coordinates in m, averaged over a pixel `width` m wide, seen at an angle."""
+    per_m = _1 / parts.period[i]
+    footprint = width * f32(TEXTURE) * per_m / math.sqrt(max(abs(cosine), _GRAZING))
+    u, v = u * per_m + parts.shift[i, 0], v * per_m + parts.shift[i, 1]
+    pattern = _pattern(bank.texels, bank.offsets, parts.texture[i], footprint, u, v)
+    dark, bright = parts.reflectance[i, 0], parts.reflectance[i, 1]
+    return dark + (bright - dark) * pattern
+
+
+@inlined
 def shade_ray(dx, dy, hit, frame, things, light, shadows):
     """Irradiance and tag of a ray (dx, dy, 1) that ends on a part; a tag is part * 8 + face.
 
@@ -127,17 +138,13 @@ def shade_ray(dx, dy, hit, frame, things, light, shadows):
     ex, ey, ez = x * a, y * b, z * c
     nearer = -_1 / math.sqrt(ex * ex + ey * ey + ez * ez)  # times (ex, ey, ez): towards the camera
     cosine = nearer * (nx * ex + ny * ey + nz * ez)
-    per_m = _1 / parts.period[i]
-    footprint = _WIDTH * t * pixel * f32(TEXTURE) * per_m / math.sqrt(max(abs(cosine), _GRAZING))
-    u, v = u * per_m + parts.shift[i, 0], v * per_m + parts.shift[i, 1]
-    pattern = _pattern(bank.texels, bank.offsets, parts.texture[i], footprint, u, v)
-    dark, bright = parts.reflectance[i, 0], parts.reflectance[i, 1]
+    reflectance = _reflectance(i, parts, bank, u, v, _WIDTH * t * pixel, cosine)
     facing = min(_1, _4 * max(_0, lambert))  # what hardly faces the light gets none of it that could be shaded
     left = _1
     if shadows[1] > 0 and facing > _0:
         left = light_left(i, (t * dx, t * dy, t), frame, parts, light[2], shadows[0], shadows[1])
     left = _1 - facing * (_1 - left)
-    seen = (dark + (bright - dark) * pattern) * (ambient + (_1 - ambient) * left * (_HALF + _HALF * lambert))
+    seen = reflectance * (ambient + (_1 - ambient) * left * (_HALF + _HALF * lambert))
     if parts.gloss[i] > _0:
         view = nearer * ex, nearer * ey, nearer * ez
         seen += parts.gloss[i] * facing * left * _highlight((nx, ny, nz), view, (lx, ly, lz))
