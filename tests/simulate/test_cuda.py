@@ -18,6 +18,7 @@ from evimo.events.frames import PixelTable, event_frame
 from evimo.geometry.rectification import rectified
 from evimo.recordings.flow import true_flow
 from evimo.simulate.recording import simulate_recording
+from evimo.simulate.resuming import as_made
 
 PROGRAM = Path(__file__).with_name("both_processors.py")
 HAS_GPU = find_spec("numba_cuda") is not None and numba.cuda.is_available()
@@ -131,6 +132,22 @@ def test_truth_is_the_recordings_in_the_rectified_image(both):
             moves = np.linalg.norm(moved.velocity) > 0.03 or np.linalg.norm(moved.rotation) > 0.17
             np.testing.assert_allclose(slices["velocity"][k, id_], moved.velocity * moves, rtol=1e-6)
             np.testing.assert_array_equal(slices["moving"][k][slices["ids"][k] == id_], moves)
+
+
+def test_batches_come_from_one_recording_after_another(both):
+    frames, valid, _, depth, known, moving, flow, velocity, ego = zip(*both.found["batches"], strict=True)
+    assert [batch.shape for batch in frames] == [(2, 5, 3, 16, 16)] * 2
+    assert min(batch[:, 2, :2].sum() for batch in frames) > 0  # the middle slice, the only one, has events
+    assert all(batch[mask].min() > 0.3 and batch[mask].max() < 12 for batch, mask in zip(depth, known, strict=True))
+    assert {batch.shape for batch in (*depth, *known, *moving, *valid)} == {(2, 1, 16, 16)}
+    assert {(*a.shape, *b.shape) for a, b in zip(flow, velocity, strict=True)} == {(2, 2, 16, 16, 2, 3, 16, 16)}
+    speeds = {round(float(np.linalg.norm(sample)), 4) for batch in ego for sample in batch}
+    assert len(speeds) == 2  # recordings
+
+
+def test_recordings_of_another_device_are_told_apart():
+    assert as_made({"camera": {}})["device"] == "cpu"  # of before there was a choice
+    assert as_made({"camera": {}, "device": "cuda"})["device"] == "cuda"
 
 
 @pytest.mark.skipif(HAS_GPU, reason="there is a GPU")

@@ -87,13 +87,15 @@ def _simulated(source: SimulatedSource) -> Iterator[SliceTensors]:
     """One recording after another; the next few are made ready by threads meanwhile."""
     from evimo.simulate.cuda_slices import simulated_slices
 
-    seeds = count(source.seed)
-    with ThreadPoolExecutor(source.threads) as threads:
+    seeds, threads = count(source.seed), ThreadPoolExecutor(source.threads)
+    try:
         waiting = deque(threads.submit(_made_ready, source, next(seeds)) for _ in range(2 * source.threads))
         while True:
             waiting.append(threads.submit(_made_ready, source, next(seeds)))
             made = simulated_slices(waiting.popleft().result())._asdict()
             yield SliceTensors(**{name: _tensor(made[name]) for name in SliceTensors._fields})
+    finally:
+        threads.shutdown(cancel_futures=True)
 
 
 def _made_ready(source: SimulatedSource, seed: int) -> "Ready":
