@@ -52,7 +52,7 @@ class OneRay(Renderer):
     @property
     def light(self) -> F4:
         """With a ray's share of a pixel."""
-        return super().light * np.array((1, 1 / SIDE, 1), np.float32)
+        return super().light * np.array((1, 1 / SIDE), np.float32)
 
 
 def finely(renderer: Renderer, time_s: F8) -> F4:

@@ -87,8 +87,8 @@ def surface(part, at, way):
 
 def textured(bank, number, uv, footprint):
     """A texture at uv (N, 2) in periods, averaged over footprints (N,) in texels: between two of its levels."""
-    level = torch.log2(footprint.clamp(min=1)).clamp(max=LEVELS - 0.001)
-    fine, value = level.floor(), torch.zeros(len(uv))
+    fine, value = torch.log2(footprint.clamp(min=1)).floor().clamp(max=LEVELS - 1), torch.zeros(len(uv))
+    coarser = (footprint / 2**fine - 1).clamp(0, 1)
     for n in range(LEVELS + 1):
         size = SIZE >> n
         start = int(bank.offsets[n]) + number * size * size
@@ -96,7 +96,7 @@ def textured(bank, number, uv, footprint):
         around = pad(texels, (1, 1, 1, 1), mode="circular")
         place = ((uv % 1) * size + 1) / (size + 2) * 2 - 1
         seen = grid_sample(around, place[None, None], align_corners=False)[0, 0, 0]
-        share = torch.where(fine == n, 1 - (level - fine), torch.where(fine == n - 1, level - fine, 0))
+        share = torch.where(fine == n, 1 - coarser, torch.where(fine == n - 1, coarser, 0))
         value += share * seen
     return value
 

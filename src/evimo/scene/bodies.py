@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from evimo.scene.meshes import NO_MESHES, MeshBank
 from evimo.scene.motion import Motion
+from evimo.scene.shadows import shadow_rows
 from evimo.scene.textures import TextureBank
 
 F4 = NDArray[np.float32]
@@ -94,8 +95,7 @@ class Scene:
 class Parts(NamedTuple):
     """All parts of a scene as arrays of P rows, for the kernels.
 
-    body: of each part. stout: (P, 3) half sizes, in unit space, of the ellipsoid that throws the part's shadow.
-    casters: (Q,) the parts that throw one.
+    body: of each part. casters: (Q,) the parts that throw shadows.
     """
 
     shape: NDArray[np.int32]
@@ -110,7 +110,6 @@ class Parts(NamedTuple):
     gloss: F4
     mesh: NDArray[np.int32]
     body: NDArray[np.int32]
-    stout: F4
     casters: NDArray[np.int32]
 
 
@@ -120,14 +119,14 @@ class Placed(NamedTuple):
     to_part: (F, P, 3, 3) and origin: (F, P, 3): camera axes to the part's unit space, where it reaches from -1 to 1;
              a ray (x, y, 1) keeps its parameter, which is depth.
     light:   (F, P, 3) direction to the light in the part's axes. centre: (F, P, 3) of the part in camera axes.
-    sun:     (F, 3) direction to the light in camera axes.
+    shadows: (F, Q, ROW) of `shadows.shadow_rows`: the shadow of each caster.
     """
 
     to_part: F4
     origin: F4
     light: F4
     centre: F4
-    sun: F4
+    shadows: F4
 
 
 class PackedScene:
@@ -149,6 +148,7 @@ class PackedScene:
         self.position = np.stack([part.position for part in parts])
         self.rotation = np.stack([part.rotation for part in parts])
         self.parts = _as_arrays(scene)
+        self.stout = np.stack([_stout(parts[i], scene.meshes) for i in self.parts.casters] or [np.empty(3)])
 
     def placed(self, time_s: F8) -> Placed:
         """Parts in camera axes at times (F,)."""
@@ -167,8 +167,10 @@ class PackedScene:
         origin = scale * np.einsum("fpij,fpj->fpi", part_from_world, offset)
         light = part_from_world @ self.scene.light
         centre = np.einsum("fji,fpj->fpi", camera.rotation, -offset)
-        sun = np.einsum("fji,j->fi", camera.rotation, self.scene.light)
-        return Placed(*(np.ascontiguousarray(a, np.float32) for a in (to_part, origin, light, centre, sun)))
+        sun, casters = np.einsum("fji,j->fi", camera.rotation, self.scene.light), self.parts.casters
+        bodies = to_part[:, casters] / self.stout[..., None], origin[:, casters] / self.stout
+        shadows = shadow_rows(*bodies, sun, self.scene.lamp)
+        return Placed(*(np.ascontiguousarray(a, np.float32) for a in (to_part, origin, light, centre, shadows)))
 
 
 def _as_arrays(scene: Scene) -> Parts:
@@ -191,7 +193,6 @@ def _as_arrays(scene: Scene) -> Parts:
         gloss=np.array([surface.gloss for surface in surfaces], np.float32),
         mesh=mesh,
         body=body.astype(np.int32),
-        stout=np.array([_stout(part, scene.meshes) for part in parts], np.float32),
         casters=np.flatnonzero(casts).astype(np.int32),
     )
 
@@ -209,7 +210,7 @@ def _radius(part: Part, meshes: MeshBank) -> float:
 
 
 def _stout(part: Part, meshes: MeshBank) -> F8:
-    """Half sizes of the ellipsoid that throws a part's shadow, as shares of the part's own, (3,)."""
+    """Half sizes of the ellipsoid that throws a part's shadow, in the part's unit space, (3,)."""
     if part.shape == MESH:
         return STOUT * meshes.extent[part.mesh].astype(np.float64)
     return np.full(3, STOUT if part.shape == BOX else 1.0) if part.shape != CYLINDER else np.array((1.07, 1.07, 1.15))

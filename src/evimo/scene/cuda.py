@@ -15,13 +15,15 @@ from evimo.scene.kernels import moment
 from evimo.scene.on_device import THREADS, blocks, cuda, on_device, uploaded
 from evimo.scene.renderer import Frames, Renderer
 from evimo.scene.shading import NOTHING, SKY, shade_ray
+from evimo.scene.shadows import hidden_share
 
 f32 = np.float32
 i32 = np.int32
-_0, _NONE = f32(0), i32(-1)
+_0, _1, _NONE = f32(0), f32(1), i32(-1)
 LISTING = (8, 8, 2)  # tiles across, tiles down and frames that a block makes lists for
 
 _hit_part, _shade_ray, _moment = on_device(hit_part), on_device(shade_ray), on_device(moment)
+_hidden_share = on_device(hidden_share)
 _spheres, _listing = on_device(film._spheres), on_device(film._listing)
 
 
@@ -65,13 +67,23 @@ def _nearest(dx, dy, frame, things, listed, count):
 
 
 @cuda.jit(device=True)
+def _light_left(t, dx, dy, body, rows, parts):
+    """Share of the directed light that reaches depth t of a ray (dx, dy, 1), as in `kernels.shade`."""
+    left = _1
+    for c in range(len(parts.casters)):
+        if parts.body[parts.casters[c]] != body:
+            left *= _1 - _hidden_share(rows[c], t * dx, t * dy, t)
+    return left
+
+
+@cuda.jit(device=True)
 def _look(dx, dy, frame, things, light, listed, count):
     """Depth, irradiance and tag of what the ray (dx, dy, 1) meets first."""
     hit = _nearest(dx, dy, frame, things, listed, count)
     if hit[1] < 0:
         return hit[0], SKY, i32(NOTHING)
-    casters = things[0].casters
-    irradiance, tag = _shade_ray(dx, dy, hit, frame, things, light, (casters, len(casters)))
+    left = _light_left(hit[0], dx, dy, things[0].body[hit[1]], frame[4], things[0])
+    irradiance, tag = _shade_ray(dx, dy, hit, frame, things, light, left)
     return hit[0], irradiance, tag
 
 

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 
 from evimo.scene.compiling import jit, lean, parallel
-from evimo.scene.kernels import moment, shade, trace
+from evimo.scene.kernels import MOST, ROWS, STRIDE, moment, shade, trace
 
 f32 = np.float32
 TILE = 8
@@ -75,10 +75,10 @@ def _listing(cone, spheres, listed):
 def _look(f, number, scene, lists, scratch):
     """Cast and shade the first `number` rays of `scratch` at frame f."""
     _, placed, things, light = scene
-    local, hits, seen, listed, _ = scratch
+    local, hits, seen, shaded, _ = scratch
     frame = moment(placed, f)
     trace(local, number, frame, things, lists, hits)
-    shade(local, number, hits, frame, things, light, listed, seen)
+    shade(local, number, hits, frame, things, light, shaded, seen)
 
 
 @lean
@@ -148,17 +148,17 @@ def _box(row, column, out):
 
 
 @jit
-def _scratch(scene):
-    most = TILE * TILE * max(1, scene[0].shape[0] - 1)
-    hits = np.empty(most, np.float32), np.empty(most, np.int32), np.empty(most, np.int32)
-    seen = np.empty(most, np.float32), np.empty(most, np.int32)
-    listed, places = np.empty(len(scene[2][0].casters), np.int32), np.empty(TILE * TILE, np.int32)
-    return np.empty((2, most), np.float32), hits, seen, listed, places
+def _scratch(parts):
+    hits = np.empty(MOST, np.float32), np.empty(MOST, np.int32), np.empty(MOST, np.int32)
+    seen = np.empty(MOST, np.float32), np.empty(MOST, np.int32)
+    casters, owner, left = np.empty(len(parts.casters), np.int32), np.empty(MOST, np.int32), np.empty(MOST, np.float32)
+    shaded = casters, owner, left, np.empty(MOST, np.int32), np.empty(ROWS * STRIDE, np.float32)
+    return np.empty((2, MOST), np.float32), hits, seen, shaded, np.empty(TILE * TILE, np.int32)
 
 
 @jit
 def _cast_row(row, first, cones, strides, scene, spheres, lists, out):
-    scratch, tags = _scratch(scene), out[2]
+    scratch, tags = _scratch(scene[2][0]), out[2]
     for column in range(cones.shape[1]):
         y0, y1, x0, x1 = box = _box(row, column, out)
         for f in range(first, len(spheres)):
@@ -173,7 +173,7 @@ def _cast_row(row, first, cones, strides, scene, spheres, lists, out):
 
 @jit
 def _smooth_row(row, first, strides, scene, lists, out):
-    scratch = _scratch(scene)
+    scratch = _scratch(scene[2][0])
     for column in range(strides.shape[1]):
         box, stride = _box(row, column, out), strides[row, column]
         for f in range(first, len(out[0])):

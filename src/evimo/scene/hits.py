@@ -21,13 +21,16 @@ _0, _1, _TINY = f32(0), f32(1), f32(1e-12)
 
 
 @lean
-def direction(to_part, i, dx, dy):
-    """The camera's (dx, dy, 1) in the unit space of part i; to_part (P, 3, 3)."""
-    return (
-        to_part[i, 0, 0] * dx + to_part[i, 0, 1] * dy + to_part[i, 0, 2],
-        to_part[i, 1, 0] * dx + to_part[i, 1, 1] * dy + to_part[i, 1, 2],
-        to_part[i, 2, 0] * dx + to_part[i, 2, 1] * dy + to_part[i, 2, 2],
-    )
+def matrix(to_part, i):
+    """Matrix i of (P, 3, 3) as nine numbers."""
+    m = to_part
+    return m[i, 0, 0], m[i, 0, 1], m[i, 0, 2], m[i, 1, 0], m[i, 1, 1], m[i, 1, 2], m[i, 2, 0], m[i, 2, 1], m[i, 2, 2]
+
+
+@lean
+def direction(m, dx, dy):
+    """The camera's (dx, dy, 1) in the unit space of a part; m: its matrix (9,)."""
+    return m[0] * dx + m[1] * dy + m[2], m[3] * dx + m[4] * dy + m[5], m[6] * dx + m[7] * dy + m[8]
 
 
 @lean
@@ -89,13 +92,14 @@ def hit_part(i, dx, dy, nearest, frame, parts, meshes):
     The depth is MISS, or not between NEAR and `nearest`, where the part is missed or something nearer is known.
 
     Args:
-        frame: to_part (P, 3, 3), origin (P, 3), light (P, 3), centre (P, 3) and sun (3,) of `bodies.Placed` at a time.
+        frame: to_part (P, 3, 3), origin (P, 3), light (P, 3), centre (P, 3) and shadows (Q, ROW) of `bodies.Placed` at
+            a time.
         parts, meshes: `bodies.Parts` and `meshes.MeshBank`.
     """
     to_part, origin = frame[0], frame[1]
     shape, bars = parts.shape[i], parts.openings
     ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
-    x, y, z = direction(to_part, i, dx, dy)
+    x, y, z = direction(matrix(to_part, i), dx, dy)
     if shape == 0:
         return hit_box(ox, oy, oz, x, y, z, parts.inside[i] != 0), i32(-1)
     if shape == 1:

@@ -92,8 +92,8 @@ class Renderer:
 
     @property
     def light(self) -> F4:
-        """Share of light without direction; size of a pixel on Z = 1; angular radius of the light, (3,)."""
-        return np.array((self.scene.ambient, 1 / self.camera.fx, self.scene.lamp), np.float32)
+        """Share of light without direction; size of a pixel on Z = 1, (2,)."""
+        return np.array((self.scene.ambient, 1 / self.camera.fx), np.float32)
 
     @cached_property
     def coarse_rays(self) -> F4:

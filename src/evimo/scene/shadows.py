@@ -1,8 +1,9 @@
 # pyright: basic
 """What stands in the light: soft shadows of ellipsoids, scalar functions, float32, for both processors.
 
-The light is a disc at infinity. Every part throws the shadow of an ellipsoid about as large; in the space where that is
-the unit sphere, the share of the disc that it hides follows from how far the ray to the light passes by its centre.
+The light is a disc at infinity. Every caster throws the shadow of an ellipsoid about as large; in the space where that
+is the unit sphere, the share of the disc that it hides follows from how far the ray to the light passes by its centre.
+`shadow_rows` does once per frame what all rays have in common: a row of ROW numbers for each caster.
 """
 
 import math
@@ -12,59 +13,70 @@ import numpy as np
 from evimo.scene.compiling import lean
 
 f32 = np.float32
-_0, _1, _2, _3 = f32(0), f32(1), f32(2), f32(3)
+_0, _HALF, _1, _2, _3 = f32(0), f32(0.5), f32(1), f32(2), f32(3)
 _TINY = f32(1e-9)
+ROW = 16
 
 
-@lean
-def may_shade(i, point, spread, frame, parts, lamp):
-    """Whether part i may stand between the light and points within `spread` of a point in camera axes, m.
+def shadow_rows(to_unit, origin, sun, lamp):
+    """Rows (F, Q, ROW) of Q casters.
 
-    frame: as in `hits.hit_part`. parts: `bodies.Parts`. lamp: angular radius of the light, rad.
+    A row takes a point in camera axes, m, to u and v, across the light, and to how far the centre lies ahead towards
+    the light, all in the space where the caster is the unit sphere: three rows of a matrix, each with its offset. Then
+    what the half shadow's width squared is per u², 2 u v, v² and squared way ahead; the largest of these over all
+    directions, as a root.
+
+    Args:
+        to_unit: (F, Q, 3, 3) and origin: (F, Q, 3): camera axes to that space.
+        sun: (F, 3) unit, to the light. lamp: the light's angular radius, rad.
     """
-    centre, sun = frame[3], frame[4]
-    x, y, z = centre[i, 0] - point[0], centre[i, 1] - point[1], centre[i, 2] - point[2]
-    along = x * sun[0] + y * sun[1] + z * sun[2]
-    reach = f32(1.3) * parts.radius[i] + spread  # an ellipsoid as large as a box reaches further than its corners
-    by = reach + lamp * (along + spread)
-    return along > -reach and x * x + y * y + z * z - along * along < by * by
+    towards = np.einsum("fqij,fj->fqi", to_unit, sun)
+    per_m = np.linalg.norm(towards, axis=-1)
+    towards = towards / per_m[..., None]
+    other = np.eye(3)[np.abs(towards).argmin(-1)]
+    u = np.cross(towards, other)
+    u /= np.linalg.norm(u, axis=-1, keepdims=True)
+    axes = np.stack((u, np.cross(towards, u), -towards), axis=-2)  # (F, Q, 3, 3)
+    matrix, offset = axes @ to_unit, np.einsum("fqij,fqj->fqi", axes, origin)
+    wider = matrix[..., :2, :] @ matrix[..., :2, :].swapaxes(-1, -2) * (lamp / per_m[..., None, None]) ** 2
+    steepest = np.sqrt(np.linalg.eigvalsh(wider)[..., 1])
+    rows = (
+        np.concatenate((matrix, offset[..., None]), axis=-1).reshape(*per_m.shape, 12),
+        np.stack((wider[..., 0, 0], wider[..., 0, 1], wider[..., 1, 1]), axis=-1),
+        steepest[..., None],
+    )
+    return np.concatenate(rows, axis=-1)
 
 
 @lean
-def hidden_share(i, point, frame, parts, lamp):
-    """Share of the light that part i hides from a point in camera axes, 0 to 1; arguments as in `may_shade`."""
-    to_part, origin, to_light = frame[0], frame[1], frame[2]
-    px, py, pz = point
-    a, b, c = parts.half[i, 0], parts.half[i, 1], parts.half[i, 2]
-    sa, sb, sc = _1 / parts.stout[i, 0], _1 / parts.stout[i, 1], _1 / parts.stout[i, 2]
-    x = sa * (to_part[i, 0, 0] * px + to_part[i, 0, 1] * py + to_part[i, 0, 2] * pz + origin[i, 0])
-    y = sb * (to_part[i, 1, 0] * px + to_part[i, 1, 1] * py + to_part[i, 1, 2] * pz + origin[i, 1])
-    z = sc * (to_part[i, 2, 0] * px + to_part[i, 2, 1] * py + to_part[i, 2, 2] * pz + origin[i, 2])
-    lx, ly, lz = sa * to_light[i, 0] / a, sb * to_light[i, 1] / b, sc * to_light[i, 2] / c
-    per_m = math.sqrt(lx * lx + ly * ly + lz * lz)
-    lx, ly, lz = lx / per_m, ly / per_m, lz / per_m
-    ahead = -(x * lx + y * ly + z * lz)  # to where the ray to the light comes nearest to the centre
-    if ahead <= _0:
-        return _0
-    x, y, z = x + ahead * lx, y + ahead * ly, z + ahead * lz
-    by = math.sqrt(x * x + y * y + z * z)
-    gx, gy, gz = x * sa / a, y * sb / b, z * sc / c
-    steep = math.sqrt(gx * gx + gy * gy + gz * gz) / by if by > _TINY else per_m  # of `by`, per metre across the ray
-    half_shadow = max(lamp * ahead / per_m * steep, _TINY)
-    narrow = min(half_shadow, _1)
-    edge = min(_1, max(_0, (_1 + half_shadow - by) / (_2 * narrow)))
-    return edge * edge * (_3 - _2 * edge) * (narrow / half_shadow) * (narrow / half_shadow)
+def _across(row, k, px, py, pz):
+    return row[k] * px + row[k + 1] * py + row[k + 2] * pz + row[k + 3]
 
 
 @lean
-def light_left(found, point, frame, parts, lamp, casters, count):
-    """Share of the light that reaches a point of part `found`; bodies throw no shadow on themselves.
+def _widest(row, k, x, y, z):
+    return abs(row[k]) * x + abs(row[k + 1]) * y + abs(row[k + 2]) * z
 
-    casters, count: the parts that may throw one, and how many of them count. Other arguments as in `may_shade`.
-    """
-    left = _1
-    for k in range(count):
-        i = np.uint32(casters[k])
-        if parts.body[i] != parts.body[found] and may_shade(i, point, _0, frame, parts, lamp):
-            left *= _1 - hidden_share(i, point, frame, parts, lamp)
-    return left
+
+@lean
+def may_shade(row, middle, half):
+    """Whether a caster may stand between the light and any point of a box: its middle, half sizes, camera axes, m."""
+    (px, py, pz), (x, y, z) = middle, half
+    u = max(_0, abs(_across(row, 0, px, py, pz)) - _widest(row, 0, x, y, z))
+    v = max(_0, abs(_across(row, 4, px, py, pz)) - _widest(row, 4, x, y, z))
+    furthest = _across(row, 8, px, py, pz) + _widest(row, 8, x, y, z)
+    reach = _1 + row[15] * furthest
+    return furthest > _0 and u * u + v * v < reach * reach
+
+
+@lean
+def hidden_share(row, px, py, pz):
+    """Share of the light that a caster hides from a point in camera axes, m; without branches, like `hits`."""
+    u, v, ahead = _across(row, 0, px, py, pz), _across(row, 4, px, py, pz), _across(row, 8, px, py, pz)
+    square = u * u + v * v
+    wider = u * u * row[12] + _2 * u * v * row[13] + v * v * row[14] + _TINY * row[12]
+    half_shadow = max(ahead * math.sqrt(wider / (square + _TINY)), _TINY)
+    per_half = _1 / half_shadow
+    edge = min(_1, max(_0, _HALF * max(per_half, _1) * (_1 + half_shadow - math.sqrt(square))))
+    share = edge * edge * (_3 - _2 * edge) * min(_1, per_half) * min(_1, per_half)
+    return share if ahead > _0 else _0
