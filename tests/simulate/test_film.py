@@ -7,7 +7,7 @@ from evimo.geometry.camera import Camera
 from evimo.scene.bodies import BOX, ELLIPSOID, Body, Part, Scene, Surface
 from evimo.scene.film import TILE
 from evimo.scene.motion import Motion, Throw
-from evimo.scene.renderer import Renderer
+from evimo.scene.renderer import COARSE, Renderer
 from evimo.scene.textures import texture_bank
 from evimo.simulate.film import SHORTEST_S, STEP_PX, steps
 
@@ -35,7 +35,7 @@ def test_a_small_fast_ball_is_never_skipped(speed_mps):
     """In every tile that it crosses, at any time, it moves at most 1.5 px between two casts."""
     time_s, strides = steps(Renderer(thrown(speed_mps, 0.06), CAMERA), START_S, STOP_S)
     px_per_s = speed_mps / 2.0 * CAMERA.fx
-    assert 0.06 / 2.0 * CAMERA.fx > TILE / 4, "the coarse rays can see it"
+    assert 0.06 / 2.0 * CAMERA.fx > COARSE / 2, "the coarse rays can see it"
     assert np.pi * (0.06 / 2.0 * CAMERA.fx) ** 2 < 0.01 * 120 * 160, "the 99th percentile of flow does not know it"
     step_s = time_s[1] - time_s[0]
     assert px_per_s * step_s <= 1.5 + 1e-9 or step_s <= SHORTEST_S

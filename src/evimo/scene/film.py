@@ -10,7 +10,7 @@ from evimo.scene.compiling import jit, lean, parallel
 from evimo.scene.kernels import MOST, ROWS, STRIDE, moment, shade, trace
 
 f32 = np.float32
-TILE = 8
+TILE = 16
 _0, _1 = f32(0), f32(1)
 _SLACK = f32(0.006)  # rad, added around a tile: rays within its border pixels
 

@@ -24,7 +24,7 @@ from evimo.scene.shading import NOTHING, SKY, lit, part_row, pattern
 from evimo.scene.shadows import hidden_share, may_shade
 
 i32 = np.int32
-MOST = 256  # rays at a time
+MOST = 1024  # rays at a time
 STRIDE = MOST + 16  # of the rows of scratch, float32: odd in cache lines
 _DX, _DY, _T, _LEFT, _TRIANGLE, _U, _V, _FINE, _SHARE, _BRIGHT, _SHINE, _FACE = range(0, 12 * STRIDE, STRIDE)
 ROWS = 12

@@ -23,6 +23,7 @@ F8 = NDArray[np.float64]
 # Rays within a pixel, as far as they go from its centre, px: the rotated grid of four.
 WITHIN_PIXEL = ((0.125, 0.375), (-0.375, 0.125), (0.375, -0.125), (-0.125, -0.375))
 COARSE = 4  # every COARSE-th pixel each way, for a quick look
+MARGIN = 8  # px around a tile whose motion counts for it
 
 
 class Frames(NamedTuple):
@@ -121,13 +122,12 @@ class Renderer:
         return point_flow(self.coarse_rays.astype(np.float64), depth[0], ids, (ego[0], objects[0]))
 
     def by_tile(self, values: F8) -> F8:
-        """The largest value (N,) of the coarse rays in each tile or the tiles around it, (R, C)."""
+        """The largest value (N,) of the coarse rays in each tile or within MARGIN of it, (R, C)."""
         each = TILE // COARSE
-        grid = values.reshape(self.coarse_size)
+        grid = maximum_filter(values.reshape(self.coarse_size), 2 * MARGIN // COARSE + 1, mode="nearest")
         rows, columns = self.cones.shape[:2]
         short = ((0, rows * each - grid.shape[0]), (0, columns * each - grid.shape[1]))
-        tiles = np.pad(grid, short, mode="edge").reshape(rows, each, columns, each).max(axis=(1, 3))
-        return maximum_filter(tiles, 3, mode="nearest")
+        return np.pad(grid, short, mode="edge").reshape(rows, each, columns, each).max(axis=(1, 3))
 
     def truth(self, t_us: int, frame: tuple[F4, NDArray[np.int16]] | None = None) -> Truth:
         """Everything about the instant t_us; `frame` gives depth and parts (H, W) where they are already rendered."""

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadInput
 from evimo.events.events import Events
-from evimo.scene.film import TILE
-from evimo.scene.renderer import Frames, Renderer
+from evimo.scene.renderer import MARGIN, Frames, Renderer
 from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.sensor import SensorSettings
 
@@ -94,8 +93,8 @@ def frame_times(speed: F8, start_s: float, stop_s: float) -> F8:
 
 
 def more_looks(speed: F8, start_s: float, stop_s: float) -> F8:
-    """When to look at the motion again (L,), after a look in the middle: if anything crosses a tile by then."""
-    crosses = float(speed.max()) * (stop_s - start_s) >= TILE
+    """When to look at the motion again (L,), after a look in the middle: if anything goes beyond MARGIN by then."""
+    crosses = float(speed.max()) * (stop_s - start_s) >= MARGIN
     return np.array((start_s, stop_s)) if crosses else np.empty(0)
 
 
