@@ -23,6 +23,7 @@ from evimo.scene.on_device import SIMULATED, cuda, uploaded
 from evimo.scene.renderer import Renderer
 from evimo.scene.textures import texture_bank
 from evimo.simulate import film
+from evimo.simulate.bands import Exposures, Fed
 from evimo.simulate.cuda_film import CudaFilm, blurred_on_gpu
 from evimo.simulate.cuda_pixels import CudaPixels
 from evimo.simulate.cuda_slices import made_ready, simulated_slices
@@ -78,14 +79,25 @@ def lens(height: int, width: int) -> Camera:
     return Camera(fx=0.6 * width, fy=0.62 * width, distortion=(-0.3, 0.08, 1e-3, -5e-4), **at)
 
 
+def fed_with(image: np.ndarray, at: Exposures, settings: SensorSettings) -> Fed:
+    """What pixels read in frames (F, H, W), which `at` names, by NumPy."""
+    share, lamp, pace = (values[:, None, None] for values in (at.share, at.lamp, at.pace))
+    before, after = image[at.before], image[np.minimum(at.before + 1, len(image) - 1)]
+    light = (before + (after - before) * share) * lamp + np.float32(settings.floor)
+    lag = decay = np.empty((0, 0), np.float32)
+    if settings.bandwidth_hz:
+        lag, decay = (values.reshape(len(light), -1) for values in (1 / (light * pace), np.exp(-light * pace)))
+    return Fed(at.time_s, np.log(light).reshape(len(light), -1), lag, decay)
+
+
 def events_of_both(image: np.ndarray, time_s: np.ndarray, settings: SensorSettings) -> tuple[list, list, tuple]:
     """Of two calls in turn on each processor, from the very same signal; and the second call's signal on each."""
     pixels = [Pixels(settings, np.random.default_rng(1), first=image[0], start_s=0.0) for _ in range(2)]
     on_gpu, mine, theirs = CudaPixels(pixels[1]), [], []
     for frames, times in ((image, time_s), (np.ascontiguousarray(image[::-1]), time_s + time_s[-1])):
         at = pixels[0].exposures(times)
-        fed = pixels[0].fed(frames, at)
-        mine.append(pixels[0].events(frames, times))
+        fed = fed_with(frames, at, settings)
+        mine.append(pixels[0].events_fed(fed))
         theirs.append(on_gpu.events(uploaded(fed)))
     its = on_gpu.fed(cuda.to_device(frames), at)
     return mine, theirs, (fed, [values.copy_to_host() for values in its])

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import erf, erfinv
 
 from evimo.events.events import Events
-from evimo.simulate.kernels import events_of_frames
+from evimo.simulate.bands import Fed
 from evimo.simulate.pixels import Pixels
 from evimo.simulate.sensor import WHITE, SensorSettings
 
@@ -48,8 +48,7 @@ def filmed_in_slow_motion(signal, time_s, *, contrast):
     pixels = started(np.exp(signal[0]), contrast=contrast)
     pixels.state.level[:] = signal[0]
     none = np.empty((0, 0), np.float32)
-    fired = events_of_frames(time_s * SLOWED, signal, none, none, pixels.state, pixels.kernel, pixels.room)
-    events = pixels._gathered(fired)
+    events = pixels.events_fed(Fed(time_s * SLOWED, signal, none, none))
     return events, events.t * 1e-6 / SLOWED
 
 

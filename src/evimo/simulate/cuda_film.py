@@ -10,9 +10,10 @@ import numpy as np
 from evimo.scene.cuda import CudaRenderer
 from evimo.scene.on_device import THREADS, blocks, cuda
 from evimo.scene.renderer import Frames, Renderer
+from evimo.simulate.bands import Exposures, Fed
 from evimo.simulate.cuda_pixels import CudaPixels
 from evimo.simulate.film import Exposed, Strides
-from evimo.simulate.pixels import Exposures, Fed, Pixels
+from evimo.simulate.pixels import Pixels
 from evimo.simulate.sensor import SensorSettings
 
 f32 = np.float32

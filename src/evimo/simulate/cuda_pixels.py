@@ -15,8 +15,9 @@ from evimo.events.events import Events
 from evimo.events.slices import SLICE_US
 from evimo.scene.on_device import THREADS, blocks, cuda, on_device, uploaded
 from evimo.simulate import kernels
-from evimo.simulate.kernels import BAND
-from evimo.simulate.pixels import Exposures, Fed, Pixels, PixelState
+from evimo.simulate.bands import BAND, Exposures, Fed
+from evimo.simulate.kernels import PixelState
+from evimo.simulate.pixels import Pixels
 
 f32, f64 = np.float32, np.float64
 i64, u64 = np.int64, np.uint64

@@ -1,21 +1,50 @@
 # pyright: basic
 """The event pixel, compiled: exact on a log signal that is piecewise linear in time.
 
-Pixels are worked through in bands of rows, each with its own room for events, so the answer does not depend on the
-number of threads. Random numbers are per pixel.
+One pixel's functions, shared by both processors (`bands`, `cuda_pixels`). Random numbers are per pixel.
 """
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-BAND = 8  # rows
 NEVER = 1e30
+F8 = NDArray[np.float64]
 
 _jit = numba.njit(nogil=True, error_model="numpy", cache=True)
 _inlined = numba.njit(nogil=True, error_model="numpy", cache=True, inline="always")
-_parallel = numba.njit(nogil=True, error_model="numpy", cache=True, parallel=True)
+
+
+class PixelState(NamedTuple):
+    """Per pixel (N,): constants and state.
+
+    on, off: thresholds. leak, shot: Hz. level: low-passed signal. gap: level minus reference.
+    blind: end of the dead time, s. noise: time of the next noise event, s. random: generator.
+    fading: irradiance I thins noise to exp(-fading · I).
+    """
+
+    on: F8
+    off: F8
+    leak: F8
+    shot: F8
+    level: F8
+    gap: F8
+    blind: F8
+    noise: F8
+    random: NDArray[np.uint64]
+    fading: F8
+
+
+class KernelSettings(NamedTuple):
+    """What the kernel needs of the settings."""
+
+    width: int
+    refractory: float
+    jitter: float
+    lagging: bool
 
 
 @_jit
@@ -42,24 +71,40 @@ def low_passed(old, before, after, lag, decay):
 
 
 @_inlined
+def slope_to(level, old, step, leakage):
+    """Slope of level minus reference, 1/s, while the level goes from old in a straight line."""
+    return (level - old) / step + leakage
+
+
+@_inlined
+def is_calm(gap, thresholds, interval, times):
+    """Whether a pixel surely does nothing in an interval (start, stop) at the end of which its gap is this.
+
+    Args:
+        thresholds: on and off. times: end of the dead time, and of the next noise event.
+    """
+    (on, off), (start, stop), (blind, noise) = thresholds, interval, times
+    return (blind <= start) & (noise > stop) & (gap < on) & (gap > -off)
+
+
+@_inlined
 def begin_step(i, interval, level, pixels):
     """Bring pixel i to a level in a straight line over an interval (start, stop), if surely nothing happens in it.
 
     Returns:
         Slope of level minus reference, 1/s, and whether that was all. If not, ask `next_event`.
     """
-    start, stop = interval
-    step = stop - start
-    slope = (level - pixels.level[i]) / step + pixels.leak[i] * pixels.on[i]
+    step = interval[1] - interval[0]
+    slope = slope_to(level, pixels.level[i], step, pixels.leak[i] * pixels.on[i])
     gap = pixels.gap[i] + slope * step
     pixels.level[i] = level
-    calm = pixels.blind[i] <= start and pixels.noise[i] > stop and gap < pixels.on[i] and gap > -pixels.off[i]
+    calm = is_calm(gap, (pixels.on[i], pixels.off[i]), interval, (pixels.blind[i], pixels.noise[i]))
     if calm:
         pixels.gap[i] = gap
     return slope, calm
 
 
-@_jit
+@_inlined
 def next_event(i, interval, slope, pixels, settings):
     """The next event of pixel i in an interval that begins where the last one stopped or the last event was.
 
@@ -98,50 +143,6 @@ def next_event(i, interval, slope, pixels, settings):
         return due, round(stamp * 1e6), sign
     pixels.gap[i], pixels.blind[i], pixels.noise[i] = gap, blind, noise
     return stop, 0, 0
-
-
-@_jit
-def _band(band, time_s, signal, lag, decay, pixels, settings, out):
-    """All frames of one band of pixels; returns the number of events."""
-    per_band = BAND * settings.width
-    first, last = band * per_band, min(signal.shape[1], (band + 1) * per_band)
-    count, room = 0, out.t.shape[1]
-    for f in range(1, len(signal)):
-        start, stop = time_s[f - 1], time_s[f]
-        for i in range(first, last):
-            level = np.float64(signal[f, i])
-            if settings.lagging:
-                level = low_passed(pixels.level[i], np.float64(signal[f - 1, i]), level, lag[f, i], decay[f, i])
-            slope, calm = begin_step(i, (start, stop), level, pixels)
-            if calm:
-                continue
-            now, stamp, sign = next_event(i, (start, stop), slope, pixels, settings)
-            while sign != 0:
-                if count < room:
-                    out.t[band, count], out.pixel[band, count], out.p[band, count] = stamp, i, sign
-                count += 1
-                now, stamp, sign = next_event(i, (now, stop), slope, pixels, settings)
-    return count
-
-
-@_parallel
-def events_of_frames(time_s, signal, lag, decay, pixels, settings, out):
-    """Events between the first and the last frame; continues from, and updates, the state in `pixels`.
-
-    Returns:
-        Number of events of each band; what exceeds the room was not written.
-
-    Args:
-        time_s: (F,) of the frames, s; events carry the same clock, in µs.
-        signal: (F, N) ln of irradiance; a row of the image is settings.width long.
-        lag, decay: (F, N) of the low-pass in the step before each frame: tau / step and exp(-step / tau);
-            (0, 0) for an infinitely fast pixel.
-        pixels: `pixels.PixelState`. settings: `pixels.KernelSettings`. out: `pixels.EventRoom`, one row per band.
-    """
-    filled = np.zeros(len(out.t), np.int64)
-    for band in numba.prange(len(filled)):
-        filled[band] = _band(band, time_s, signal, lag, decay, pixels, settings, out)
-    return filled
 
 
 @_jit
