@@ -166,7 +166,7 @@ def lit(shape, ray, hit, row, light, met):
     return u * texture[0] + texture[1], v * texture[0] + texture[2], fine, share, bright, shine, face
 
 
-@lean
+@inlined
 def _texel(texels, base, size, u, v):
     """Bilinear look-up that wraps around."""
     x, y = u * f32(size) - _HALF, v * f32(size) - _HALF
@@ -182,7 +182,7 @@ def _texel(texels, base, size, u, v):
     return top + (bottom - top) * fy
 
 
-@lean
+@inlined
 def pattern(texels, offsets, number, u, v, fine, share):
     """Texture `number` at u, v in periods, between mip level `fine` and the next: a share of that one."""
     size, coarser = i32(TEXTURE) >> fine, i32(TEXTURE // 2) >> fine
