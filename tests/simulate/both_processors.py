@@ -97,7 +97,7 @@ def events_of_both(image: np.ndarray, time_s: np.ndarray, settings: SensorSettin
     for frames, times in ((image, time_s), (np.ascontiguousarray(image[::-1]), time_s + time_s[-1])):
         at = pixels[0].exposures(times)
         fed = fed_with(frames, at, settings)
-        mine.append(pixels[0].events_fed(fed))
+        mine.append(pixels[0].events_of(fed))
         theirs.append(on_gpu.events(uploaded(fed)))
     its = on_gpu.fed(cuda.to_device(frames), at)
     return mine, theirs, (fed, [values.copy_to_host() for values in its])

@@ -246,7 +246,7 @@ def test_a_film_fires_what_its_logarithms_and_time_constants_do(flicker):
     light = light * (1 + flicker * np.abs(np.sin(np.pi * 100 * at.time_s)))[:, None] + 0.003
     steps = np.diff(at.time_s, prepend=-1)[:, None] * light / 0.603 * 2 * np.pi * 300
     fed = Fed(at.time_s, *(values.astype(np.float32) for values in (np.log(light), 1 / steps, np.exp(-steps))))
-    film, expected = pixels.events(image, time), again.events_fed(fed)
+    film, expected = pixels.events(image, time), again.events_of(fed)
     assert len(at.time_s) == (25 if flicker else 13)
     assert len(film) == len(expected) > 1000
     same = (film.x == expected.x) & (film.y == expected.y) & (film.p == expected.p)

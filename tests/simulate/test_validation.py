@@ -48,7 +48,7 @@ def filmed_in_slow_motion(signal, time_s, *, contrast):
     pixels = started(np.exp(signal[0]), contrast=contrast)
     pixels.state.level[:] = signal[0]
     none = np.empty((0, 0), np.float32)
-    events = pixels.events_fed(Fed(time_s * SLOWED, signal, none, none))
+    events = pixels.events_of(Fed(time_s * SLOWED, signal, none, none))
     return events, events.t * 1e-6 / SLOWED
 
 

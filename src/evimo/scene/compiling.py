@@ -16,21 +16,28 @@ from typing import Any
 
 import numba
 
+Compiled = Callable[[Any], Any]
 KERNELS = ("compiling", "film", "hits", "kernels", "mesh_hits", "mesh_trees", "shading", "shadows")
-_STAMP = sha256(b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in KERNELS)).hexdigest()
 
 
-def _compiled(**options: Any) -> Callable[[Any], Any]:
-    def compiled(function: Any) -> Any:
-        made = numba.njit(nogil=True, error_model="numpy", cache=True, **options)(function)
-        index: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)  # not part of numba's interface
-        if hasattr(index, "_source_stamp"):
-            index._source_stamp = (index._source_stamp, _STAMP)
-        return made
+def compiler(folder: Path, names: tuple[str, ...]) -> Callable[..., Compiled]:
+    """A decorator, with numba's options, for functions that call others in these modules of a folder."""
+    stamp = sha256(b"".join((folder / f"{name}.py").read_bytes() for name in names)).hexdigest()
+
+    def compiled(**options: Any) -> Compiled:
+        def compile_(function: Any) -> Any:
+            made = numba.njit(nogil=True, error_model="numpy", cache=True, **options)(function)
+            index: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)  # not part of numba's interface
+            if hasattr(index, "_source_stamp"):
+                index._source_stamp = (index._source_stamp, stamp)
+            return made
+
+        return compile_
 
     return compiled
 
 
+_compiled = compiler(Path(__file__).parent, KERNELS)
 lean = _compiled(_nrt=False)
 inlined = _compiled(_nrt=False, forceinline=True)  # a lean function of so many arrays that passing them takes long
 jit = _compiled()

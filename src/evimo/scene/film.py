@@ -7,7 +7,7 @@ import numba
 import numpy as np
 
 from evimo.scene.compiling import jit, lean, parallel
-from evimo.scene.kernels import MOST, ROWS, STRIDE, moment, shade, trace
+from evimo.scene.kernels import MOST, NONE, ROWS, STRIDE, moment, shade, trace
 
 f32 = np.float32
 TILE = 16
@@ -87,7 +87,7 @@ def _tile(f, box, scene, lists, out, scratch):
     rays, (image, depth, tags) = scene[0], out
     local, (far, _, _), (irradiance, faces), _, _ = scratch
     y0, y1, x0, x1 = box
-    number = 0
+    number = NONE
     for y in range(y0, y1):
         for x in range(x0, x1):
             local[0, number], local[1, number] = rays[0, 0, y, x], rays[0, 1, y, x]
@@ -107,7 +107,7 @@ def _smooth_edges(f, box, scene, lists, out, scratch):
     local, (irradiance, _), places, everywhere = scratch[0], scratch[2], scratch[4], lists[2]
     y0, y1, x0, x1 = box
     height, width, samples = image.shape[1], image.shape[2], rays.shape[0] - 1
-    number = 0
+    number = NONE
     for y in range(y0, y1):
         up, down = max(y - 1, 0), min(y + 1, height - 1)
         for x in range(x0, x1):
@@ -178,7 +178,8 @@ def _smooth_row(row, first, strides, scene, lists, out):
         box, stride = _box(row, column, out), strides[row, column]
         for f in range(first, len(out[0])):
             if f % stride == 0:
-                mine = lists[0][row, column, f], lists[1][row, column, f], lists[2][row, column, f]
+                count = np.int64(lists[1][row, column, f])  # as `_listing` has it: what follows is compiled once
+                mine = lists[0][row, column, f], count, lists[2][row, column, f]
                 _smooth_edges(f, box, scene, mine, out, scratch)
         if stride > 1:
             _interpolate(out[0], box, stride)

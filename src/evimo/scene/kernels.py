@@ -4,8 +4,6 @@
 Each part meets all rays of a tile in one loop without branches, which the compiler turns into vector instructions.
 """
 
-import math
-
 import numpy as np
 
 from evimo.scene.compiling import inlined, jit, lean
@@ -24,6 +22,7 @@ from evimo.scene.shading import NOTHING, SKY, lit, part_row, pattern
 from evimo.scene.shadows import hidden_share, may_shade
 
 i32 = np.int32
+NONE = np.int64(0)  # counters start there: for a literal 0 numba compiles once more what they are passed to
 MOST = 1024  # rays at a time
 STRIDE = MOST + 16  # of the rows of scratch, float32: odd in cache lines
 _DX, _DY, _T, _LEFT, _TRIANGLE, _U, _V, _FINE, _SHARE, _BRIGHT, _SHINE, _FACE = range(0, 12 * STRIDE, STRIDE)
@@ -192,7 +191,7 @@ def shade(rays, number, hits, frame, things, light, scratch, seen):
         scratch: of `film`. seen: irradiance and tag (N,), written.
     """
     (depth, found, met), (irradiance, tags), (listed, owner, left, order, work) = hits, seen, scratch
-    parts, count = things[0], 0
+    parts, count = things[0], NONE
     for k in range(number):
         left[k], irradiance[k], tags[k] = _1, SKY, NOTHING
     if len(parts.casters) > 0:
@@ -203,7 +202,7 @@ def shade(rays, number, hits, frame, things, light, scratch, seen):
     for first in range(number):
         if found[first] < 0 or tags[first] >= 0:
             continue
-        i, mine = found[first], 0
+        i, mine = found[first], NONE
         for k in range(first, number):
             if found[k] == i:
                 order[mine], work[_DX + mine], work[_DY + mine] = k, rays[0, k], rays[1, k]

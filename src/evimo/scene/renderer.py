@@ -124,10 +124,11 @@ class Renderer:
     def by_tile(self, values: F8) -> F8:
         """The largest value (N,) of the coarse rays in each tile or within MARGIN of it, (R, C)."""
         each = TILE // COARSE
-        grid = maximum_filter(values.reshape(self.coarse_size), 2 * MARGIN // COARSE + 1, mode="nearest")
+        grid: F8 = maximum_filter(values.reshape(self.coarse_size), 2 * MARGIN // COARSE + 1, mode="nearest")
         rows, columns = self.cones.shape[:2]
         short = ((0, rows * each - grid.shape[0]), (0, columns * each - grid.shape[1]))
-        return np.pad(grid, short, mode="edge").reshape(rows, each, columns, each).max(axis=(1, 3))
+        tiles = np.pad(grid, short, mode="edge").reshape(rows, each, columns, each)
+        return tiles.max(axis=(1, 3))
 
     def truth(self, t_us: int, frame: tuple[F4, NDArray[np.int16]] | None = None) -> Truth:
         """Everything about the instant t_us; `frame` gives depth and parts (H, W) where they are already rendered."""

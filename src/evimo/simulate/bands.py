@@ -7,12 +7,15 @@ number of threads. What happens to all pixels is in short loops over few arrays,
 by one.
 """
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
+from evimo.scene.compiling import compiler
 from evimo.simulate.kernels import PixelState, is_calm, low_passed, next_event, slope_to
 from evimo.simulate.logarithms import exp_of_minus, ln
 
@@ -21,9 +24,9 @@ STRETCH = 512  # pixels whose state stays in a fast cache from one loop to the n
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
-_1 = np.float32(1)
-_jit = numba.njit(nogil=True, error_model="numpy", cache=True)
-_parallel = numba.njit(nogil=True, error_model="numpy", cache=True, parallel=True)
+_1, NONE = np.float32(1), np.int64(0)  # no literal: numba would compile callees for it too
+_compiled = compiler(Path(__file__).parent, ("bands", "kernels", "logarithms"))
+_jit, _parallel = _compiled(), _compiled(parallel=True)
 
 
 class EventRoom(NamedTuple):
@@ -88,7 +91,6 @@ class _Stretch(NamedTuple):
     busy: NDArray[np.uint8]
 
 
-@_jit
 def _expose(source, e, first, row, lagging):
     """What pixels from `first` on read at instant e of frames that are `Seen`."""
     image, floor, number = source.image, source.floor, len(row.signal)
@@ -104,13 +106,22 @@ def _expose(source, e, first, row, lagging):
             lag[i], decay[i] = _1 / (light[i] * pace), exp_of_minus(light[i] * pace)
 
 
-@_jit
 def _take(source, e, first, row, lagging):
     """What pixels from `first` on read at instant e of what is `Fed`."""
     stop = first + len(row.signal)
     row.signal[:] = source.signal[e, first:stop]
     if lagging:
         row.lag[:], row.decay[:] = source.lag[e, first:stop], source.decay[e, first:stop]
+
+
+def _read(source, e, first, row, lagging):
+    """What pixels from `first` on read at instant e: compiled for the kind of source."""
+    raise NotImplementedError
+
+
+@overload(_read)
+def _reader(source, e, first, row, lagging):
+    return _take if source.instance_class is Fed else _expose
 
 
 @_jit
@@ -188,43 +199,37 @@ def _workspace():
     return _Stretch(_empty(f), _empty(f), _empty(f), _empty(f), _empty(f), *levels, _empty(np.uint8))
 
 
-def _filming(read):
-    """A kernel that takes pixels through all instants of a source, as `read(source, e, first, row, lagging)` has it."""
-
-    @_jit
-    def band(source, number, pixels, settings, out):
-        per_band, total = BAND * settings.width, len(pixels.level)
-        first, stop = number * per_band, min(total, (number + 1) * per_band)
-        before, work, time_s, count = np.empty(stop - first, np.float32), _workspace(), source.time_s, 0
-        for e in range(len(time_s)):
-            for begin in range(first, stop, STRETCH):
-                end = min(stop, begin + STRETCH)
-                row = _narrowed(work, before[begin - first : end - first], end - begin)
-                read(source, e, begin, row, settings.lagging)
-                if e == 0:
-                    row.before[:] = row.signal
-                    continue
-                interval, part = (time_s[e - 1], time_s[e]), _part(pixels, begin, end)
-                _advance(row, interval, part, settings.lagging)
-                count = _visit(row, interval, begin, part, settings, (out, number, count))
-        return count
-
-    @_parallel
-    def film(source, pixels, settings, out):
-        """Events from the first instant to the last; continues from, and updates, the state in `pixels`.
-
-        Returns:
-            Number of events of each band; what exceeds the room was not written.
-
-        Args:
-            source: `Seen` or `Fed`. pixels: `PixelState`. settings: `KernelSettings`. out: `EventRoom`.
-        """
-        filled = np.zeros(len(out.t), np.int64)
-        for number in numba.prange(len(filled)):
-            filled[number] = band(source, number, pixels, settings, out)
-        return filled
-
-    return film
+@_jit
+def _band(source, number, pixels, settings, out):
+    """All instants of one band of pixels; returns the number of events."""
+    per_band, total = BAND * settings.width, len(pixels.level)
+    first, stop = number * per_band, min(total, (number + 1) * per_band)
+    before, work, time_s, count = np.empty(stop - first, np.float32), _workspace(), source.time_s, NONE
+    for e in range(len(time_s)):
+        for begin in range(first, stop, STRETCH):
+            end = min(stop, begin + STRETCH)
+            row = _narrowed(work, before[begin - first : end - first], end - begin)
+            _read(source, e, begin, row, settings.lagging)
+            if e == 0:
+                row.before[:] = row.signal
+                continue
+            interval, part = (time_s[e - 1], time_s[e]), _part(pixels, begin, end)
+            _advance(row, interval, part, settings.lagging)
+            count = _visit(row, interval, begin, part, settings, (out, number, count))
+    return count
 
 
-events_of_frames, events_of_signal = _filming(_expose), _filming(_take)  # of what is `Seen`, and `Fed`
+@_parallel
+def events_of(source, pixels, settings, out):
+    """Events from the first instant to the last; continues from, and updates, the state in `pixels`.
+
+    Returns:
+        Number of events of each band; what exceeds the room was not written.
+
+    Args:
+        source: `Seen` or `Fed`. pixels: `PixelState`. settings: `KernelSettings`. out: `EventRoom`.
+    """
+    filled = np.zeros(len(out.t), np.int64)
+    for number in numba.prange(len(filled)):
+        filled[number] = _band(source, np.int64(number), pixels, settings, out)
+    return filled

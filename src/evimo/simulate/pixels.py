@@ -1,7 +1,6 @@
 """An array of event pixels: feed it frames, it gives events."""
 
 import math
-from collections.abc import Callable
 from copy import deepcopy
 
 import cv2
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.events.events import Events
-from evimo.simulate.bands import BAND, EventRoom, Exposures, Fed, Seen, events_of_frames, events_of_signal
+from evimo.simulate.bands import BAND, EventRoom, Exposures, Fed, Seen, events_of
 from evimo.simulate.kernels import NEVER, KernelSettings, PixelState, seeded
 from evimo.simulate.sensor import WHITE, SensorSettings
 
@@ -60,20 +59,17 @@ class Pixels:
         single events beyond these times.
         """
         frames, floor = image.reshape(len(image), -1), np.float32(self.settings.floor)
-        return self._fired(events_of_frames, Seen(frames, floor, *self.exposures(time_s)))
+        return self.events_of(Seen(frames, floor, *self.exposures(time_s)))
 
-    def events_fed(self, fed: Fed) -> Events:
-        """As `events`, from what the pixels read."""
-        return self._fired(events_of_signal, fed)
-
-    def _fired(self, film: Callable[..., NDArray[np.int64]], source: Seen | Fed) -> Events:
+    def events_of(self, source: Seen | Fed) -> Events:
+        """As `events`, of what the pixels see, or of what they read."""
         for kept, value in zip(self.before, self.state, strict=True):
             kept[:] = value
-        fired = film(source, self.state, self.kernel, self.room)
+        fired = events_of(source, self.state, self.kernel, self.room)
         if fired.max() > self.room.t.shape[1]:  # once more, with room for all
             self.room = self.room_for(int(1.5 * fired.max()))
             self.state, self.before = self.before, self.state
-            fired = film(source, self.state, self.kernel, self.room)
+            fired = events_of(source, self.state, self.kernel, self.room)
         return self._gathered(fired)
 
     def _gathered(self, fired: NDArray[np.int64]) -> Events:
