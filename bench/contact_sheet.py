@@ -17,7 +17,7 @@ from evimo.errors import EvimoError, NotFound
 from evimo.events.events import joined
 from evimo.events.slices import SLICE_US, Slice
 from evimo.recordings.recording import Recording, open_recording
-from evimo.scene.draw import SETS
+from evimo.scene.drawing.scenes import SETS
 from evimo.simulate.pictures import pictures
 from evimo.viewing import legends
 from evimo.viewing.colours import BACKDROP, MUTED, Image

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from evimo.errors import EvimoError
-from evimo.scene.cuda import CudaRenderer
-from evimo.scene.on_device import SIMULATED, check_cuda, cuda, uploaded
+from evimo.scene.rays.cuda import CudaRenderer
+from evimo.scene.rays.on_device import SIMULATED, check_cuda, cuda, uploaded
 from evimo.scene.renderer import Renderer
 from evimo.simulate import film
 from evimo.simulate.cuda_film import CudaFilm

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, Part, Scene
-from evimo.scene.meshes import MeshBank
+from evimo.scene.meshes.bank import MeshBank
 from evimo.scene.renderer import Renderer
 from evimo.simulate.own_folders import OwnFolders
 from evimo.simulate.recording import simulate_recording

@@ -6,7 +6,7 @@ import pytest
 from evimo.geometry.camera import Camera
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, Body, Part, Scene, Surface
 from evimo.scene.motion import Motion, random_rotation, wander
-from evimo.scene.textures import TextureBank, texture_bank
+from evimo.scene.textures.bank import TextureBank, texture_bank
 
 BARREL = Camera(fx=25.0, fy=26.0, cx=18.5, cy=13.5, height=28, width=38, distortion=(-0.3, 0.08, 1e-3, -5e-4))
 

@@ -5,10 +5,10 @@ import pytest
 
 from evimo.geometry.camera import Camera
 from evimo.scene.bodies import BOX, ELLIPSOID, Body, Part, Scene, Surface
-from evimo.scene.film import TILE
 from evimo.scene.motion import Motion, Throw
+from evimo.scene.rays.film import TILE
 from evimo.scene.renderer import COARSE, Renderer
-from evimo.scene.textures import texture_bank
+from evimo.scene.textures.bank import texture_bank
 from evimo.simulate.film import SHORTEST_S, STEP_PX, steps
 
 CAMERA = Camera(fx=100.0, fy=100.0, cx=79.5, cy=59.5, height=120, width=160, distortion=(0.0, 0.0, 0.0, 0.0))

@@ -8,7 +8,7 @@ from evimo.geometry.camera import Camera
 from evimo.scene.bodies import BOX, CYLINDER, Body, Part, Scene, Surface
 from evimo.scene.motion import Motion
 from evimo.scene.renderer import Renderer
-from evimo.scene.textures import texture_bank
+from evimo.scene.textures.bank import texture_bank
 from evimo.simulate.labelled_events import LabelledEvents
 from evimo.simulate.recording import SimulatedRecording
 from evimo.simulate.sensor import SensorSettings

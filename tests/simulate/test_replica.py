@@ -10,9 +10,9 @@ from evimo.cli import main
 from evimo.cli.simulate import simulate
 from evimo.errors import BadInput
 from evimo.recordings.recording import open_recording
-from evimo.scene.draw import SETS
-from evimo.scene.patterns import SIZE
-from evimo.scene.pools import family
+from evimo.scene.drawing.pools import family
+from evimo.scene.drawing.scenes import SETS
+from evimo.scene.textures.patterns import SIZE
 from evimo.simulate.cameras import EVIMO
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.replica import INDEX, ReplicaPlan, simulate_replica

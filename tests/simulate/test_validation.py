@@ -1,5 +1,5 @@
 """The event pixel from first principles: tests 1 to 5 of the simulator's list; 6 and 7 are in test_validation_truth.py,
-8 in tests/scene/test_torch_twin.py.
+8 in tests/scene/rays/test_torch_twin.py.
 
 An ideal pixel knows no unit of time: slowed down a million times, its events come a million times later. Filmed so,
 whole microseconds of a time stamp are picoseconds.

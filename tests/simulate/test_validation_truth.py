@@ -7,10 +7,10 @@ import pytest
 from evimo.geometry.camera import Camera
 from evimo.recordings.flow import true_flow
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, Body, Part, Scene, Surface
-from evimo.scene.draw import SETS
+from evimo.scene.drawing.scenes import SETS
 from evimo.scene.motion import Motion, random_rotation, wander
 from evimo.scene.renderer import Renderer
-from evimo.scene.textures import TextureBank
+from evimo.scene.textures.bank import TextureBank
 from evimo.simulate.pixels import blurred
 from evimo.simulate.poses import scene_poses
 from evimo.simulate.recording import simulate_recording

@@ -1,4 +1,5 @@
 """Scene: bodies, how they move, and the renderer of intensity, depth and ids through a camera's own lens.
 
-Arrays only: a scene is drawn from a seed, packed into float32 arrays, and cast by numba kernels.
+`drawing` makes a scene from a seed, of shapes, `meshes` and `textures`. `bodies` says what a scene is and packs it into
+float32 arrays, `renderer` films it, and `rays` holds the compiled functions that do: once for CPU and GPU.
 """

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.meshes import NO_MESHES, MeshBank
+from evimo.scene.meshes.bank import NO_MESHES, MeshBank
 from evimo.scene.motion import Motion
-from evimo.scene.shadows import shadow_rows
-from evimo.scene.textures import TextureBank
+from evimo.scene.rays.shadows import shadow_rows
+from evimo.scene.textures.bank import TextureBank
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

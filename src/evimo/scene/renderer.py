@@ -12,10 +12,10 @@ from evimo.geometry.camera import Camera
 from evimo.recordings.flow import point_flow
 from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.scene.bodies import PackedScene, Parts, Scene
-from evimo.scene.film import TILE, render, tile_cones
-from evimo.scene.kernels import cast
-from evimo.scene.meshes import MeshBank
-from evimo.scene.textures import TextureBank
+from evimo.scene.meshes.bank import MeshBank
+from evimo.scene.rays.film import TILE, render, tile_cones
+from evimo.scene.rays.tiles import cast
+from evimo.scene.textures.bank import TextureBank
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

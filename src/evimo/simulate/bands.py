@@ -15,7 +15,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from evimo.scene.compiling import compiler
+from evimo.scene.rays.compiling import compiler
 from evimo.simulate.kernels import PixelState, is_calm, low_passed, next_event, slope_to
 from evimo.simulate.logarithms import exp_of_minus, ln
 

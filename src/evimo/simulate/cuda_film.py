@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from evimo.scene.cuda import CudaRenderer
-from evimo.scene.on_device import THREADS, blocks, cuda
+from evimo.scene.rays.cuda import CudaRenderer
+from evimo.scene.rays.on_device import THREADS, blocks, cuda
 from evimo.scene.renderer import Frames, Renderer
 from evimo.simulate.bands import Exposures, Fed
 from evimo.simulate.cuda_pixels import CudaPixels

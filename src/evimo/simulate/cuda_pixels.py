@@ -13,7 +13,7 @@ import numpy as np
 
 from evimo.events.events import Events
 from evimo.events.slices import SLICE_US
-from evimo.scene.on_device import THREADS, blocks, cuda, on_device, uploaded
+from evimo.scene.rays.on_device import THREADS, blocks, cuda, on_device, uploaded
 from evimo.simulate import kernels
 from evimo.simulate.bands import BAND, Exposures, Fed
 from evimo.simulate.kernels import PixelState

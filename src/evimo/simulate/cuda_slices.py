@@ -9,7 +9,7 @@ import numpy as np
 
 from evimo.events.frames import PixelTable
 from evimo.geometry.rectification import Rectification, rectified
-from evimo.scene.on_device import uploaded
+from evimo.scene.rays.on_device import uploaded
 from evimo.scene.renderer import Renderer
 from evimo.simulate.cuda_film import CudaFilm
 from evimo.simulate.cuda_pixels import SliceSums, slice_sums

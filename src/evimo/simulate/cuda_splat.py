@@ -11,7 +11,7 @@ import numpy as np
 
 from evimo.events.frames import CHANNELS, PixelTable
 from evimo.events.slices import SLICE_US
-from evimo.scene.on_device import THREADS, blocks, cuda
+from evimo.scene.rays.on_device import THREADS, blocks, cuda
 from evimo.simulate.cuda_pixels import MS, SliceSums
 
 f32, u64 = np.float32, np.uint64

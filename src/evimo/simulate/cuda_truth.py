@@ -8,7 +8,7 @@ import numpy as np
 
 from evimo.geometry.rectification import Rectification
 from evimo.recordings.prepared import MOVING_MPS, MOVING_RADPS
-from evimo.scene.on_device import THREADS, blocks, cuda
+from evimo.scene.rays.on_device import THREADS, blocks, cuda
 from evimo.scene.renderer import Renderer
 
 f32, f64 = np.float32, np.float64

@@ -15,7 +15,7 @@ from evimo.recordings.event_files import check_events_format, save_events
 from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.facts import own_version
 from evimo.recordings.writer import RecordingWriter
-from evimo.scene.draw import SETS
+from evimo.scene.drawing.scenes import SETS
 from evimo.simulate.film import check_device
 from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording

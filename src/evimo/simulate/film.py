@@ -58,7 +58,7 @@ def check_device(device: str) -> None:
     if device not in ("cpu", "cuda"):
         raise BadInput(f"no device {device!r}", fix="cpu or cuda")
     if device == "cuda":
-        from evimo.scene.on_device import check_cuda
+        from evimo.scene.rays.on_device import check_cuda
 
         check_cuda()
 

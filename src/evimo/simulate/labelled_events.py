@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.events.events import Events, joined
-from evimo.scene.film import TILE
+from evimo.scene.rays.film import TILE
 from evimo.scene.renderer import Frames, Renderer
 
 F8 = NDArray[np.float64]

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from evimo.errors import NotFound
-from evimo.scene.mesh_files import load_meshes, mesh_files
-from evimo.scene.meshes import MeshBank
-from evimo.scene.natural import SUFFIXES, own_photos
+from evimo.scene.meshes.bank import MeshBank
+from evimo.scene.meshes.files import load_meshes, mesh_files
 from evimo.scene.own_files import OwnFiles, own_files
-from evimo.scene.textures import texture_bank
+from evimo.scene.textures.bank import texture_bank
+from evimo.scene.textures.natural import SUFFIXES, own_photos
 
 KEPT = 4  # folders whose content is kept in memory
 

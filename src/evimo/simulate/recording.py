@@ -15,10 +15,10 @@ from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.truth import Truth
 from evimo.scene.bodies import Scene
-from evimo.scene.draw import SETS, SetStyle, draw_scene
-from evimo.scene.pools import POOLS
+from evimo.scene.drawing.pools import POOLS
+from evimo.scene.drawing.scenes import SETS, SetStyle, draw_scene
 from evimo.scene.renderer import Renderer
-from evimo.scene.textures import texture_bank
+from evimo.scene.textures.bank import texture_bank
 from evimo.simulate.cameras import draw_camera
 from evimo.simulate.film import check_device, film_on, steps
 from evimo.simulate.imu import ImuSettings, measured

@@ -12,7 +12,7 @@ import torch
 from numpy.random import Generator
 from torch import Tensor
 
-from evimo.scene.draw import SETS
+from evimo.scene.drawing.scenes import SETS
 from evimo.simulate.recording import simulate_recording
 from evimo.training.batches import Batch
 from evimo.training.data import augmented, drawn_reach
