@@ -21,9 +21,10 @@ import numpy as np
 
 from evimo.errors import EvimoError
 from evimo.scene.rays.cuda import CudaRenderer
-from evimo.scene.rays.on_device import SIMULATED, check_cuda, cuda, uploaded
+from evimo.scene.rays.on_device import SIMULATED, check_cuda, cuda
 from evimo.scene.renderer import Renderer
 from evimo.simulate import film
+from evimo.simulate.bands import Fed
 from evimo.simulate.cuda_film import CudaFilm
 from evimo.simulate.cuda_pixels import CudaPixels
 from evimo.simulate.cuda_slices import made_ready, simulated_slices
@@ -53,8 +54,10 @@ def agreement(recording: SimulatedRecording, frames: int) -> dict[str, float]:
     time_s = steps(renderer, 0.0, SLICE_S)[0][: frames + 1]
     images = blurred(renderer.frames(time_s).image, recording.settings.blur_px)
     pixels = [Pixels(recording.settings, np.random.default_rng(0), first=images[0], start_s=0.0) for _ in range(2)]
-    fed = pixels[0].fed(images, pixels[0].exposures(time_s))
-    events, its_events = pixels[0].events(images, time_s), CudaPixels(pixels[1]).events(uploaded(fed))
+    on_gpu = CudaPixels(pixels[1])
+    fed: Any = on_gpu.fed(cuda.to_device(images), pixels[0].exposures(time_s))
+    events = pixels[0].events_of(Fed(*(values.copy_to_host() for values in fed)))
+    its_events = on_gpu.events(fed)
     same = len(events) == len(its_events)
     alike = np.logical_and.reduce([getattr(events, c) == getattr(its_events, c) for c in "xytp"]) if same else [0.0]
     return {
@@ -109,7 +112,7 @@ def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("out/gpu.json"))
-    parser.add_argument("--toy", action="store_true", help="one scene, 12x16 px, one slice")
+    parser.add_argument("--toy", action="store_true", help="one scene, 16x12 px, one slice")
     options = parser.parse_args()
     options.size, options.frames, options.seconds = ((12, 16), 2, SLICE_S) if options.toy else ((260, 346), 256, 1.0)
     options.sets, options.rounds = ((2,), 1) if options.toy else (range(1, 7), ROUNDS)
