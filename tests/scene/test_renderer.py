@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID
-from evimo.scene.renderer import Renderer, lens_rays
+from evimo.scene.rays.film import TILE
+from evimo.scene.rays.tiles import MOST
+from evimo.scene.renderer import WITHIN_PIXEL, Renderer, lens_rays
 
 TIME = np.array([0.4])
 FINE = 1500
@@ -128,3 +130,8 @@ def test_irradiance_stays_within_what_surfaces_and_light_allow(small_scene, came
     assert image.min() > 0.1 * 0.5 - 1e-6
     assert image.max() < 0.9 + 1e-6
     assert image.std() > 0.05
+
+
+def test_all_rays_of_a_tile_have_room():
+    """At edges in every pixel; compiled code would write beyond its arrays without a word."""
+    assert TILE * TILE * len(WITHIN_PIXEL) <= MOST

@@ -48,19 +48,20 @@ def simulate(
 
     Args:
         set: one of the paper's six sets, 1 to 6, or all of them in turn.
-        minutes: of recording, together; a replica has EV-IMO's 32 if nothing is said.
+        minutes: of recording, together; must be said, but for a replica, which has EV-IMO's 32 by default.
         seed: of the first recording; the others follow.
         out: folder for the recordings.
         sensor: size, thresholds and noise of this event camera.
         size: WxH in pixels, if not the sensor's own.
-        seconds: of each recording.
+        seconds: of each recording; whole slices of 0.025 s.
         camera: random lenses, or EV-IMO's own scaled to the size.
         layout: of EVIMO2, a folder, which is what the other commands take, or of EV-IMO's first version, an .npz.
         events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
         texture_dir: folder of PNG and JPEG pictures; textures are cut from them, besides those of the package.
         mesh_dir: folder of PLY, OBJ, STL, OFF and GLB files, or scans of points as PLY; four in ten things are these.
         workers: processes.
-        device: that renders and fires the pixels; cuda is an NVIDIA GPU, of which all workers have their share.
+        device: that renders and fires the pixels; cuda is an NVIDIA GPU, of which all workers have their share; it
+            needs evimo[cuda], and its events differ a little from the CPU's.
         replica: of EV-IMO; takes minutes, seed, size, workers, device and both folders, none of the other choices.
     """
     from evimo.simulate.film import check_device

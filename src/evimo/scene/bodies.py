@@ -16,7 +16,7 @@ F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
 BOX, ELLIPSOID, CYLINDER, GRATING, MESH = 0, 1, 2, 3, 4
-MOST_PARTS = 120  # part indices and faces share an int16 in the renderer
+MOST_PARTS = 120  # in a scene; the renderer's lists of them are uint8
 STOUT = 1.24  # half sizes of a box times this are those of an ellipsoid as large, which throws its shadow
 
 

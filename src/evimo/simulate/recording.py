@@ -157,7 +157,8 @@ def simulate_recording(
         size: height and width in px, if not the sensor's own.
         part: `train` or `test` draws textures and shapes that the other, and a recording without, never have.
         room: one of the set's. own: folders of pictures for textures, and of meshes.
-        device: that films it, `cpu` or `cuda`: the same scene, but not quite the same events (docs/simulate.md).
+        device: that films it, `cpu` or `cuda`: the same scene, but not quite the same events, as a GPU casts every
+            tile in every frame.
 
     Raises:
         BadInput: no such set, camera, sensor, part, room or device, or less than one slice.
