@@ -25,7 +25,8 @@ F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
 _1, NONE = np.float32(1), np.int64(0)  # no literal: numba would compile callees for it too
-_compiled = compiler(Path(__file__).parent, ("bands", "kernels", "logarithms"))
+KERNELS = ("bands", "kernels", "logarithms", "../scene/rays/compiling")
+_compiled = compiler(Path(__file__).parent, KERNELS)
 _jit, _parallel = _compiled(), _compiled(parallel=True)
 
 
