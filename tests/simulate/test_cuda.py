@@ -37,7 +37,7 @@ class Compared(NamedTuple):
 )
 def both(request, tmp_path_factory) -> Compared:
     simulated = request.param == "simulator"
-    file, size = tmp_path_factory.mktemp("cuda") / "found.pickle", ("10", "12") if simulated else ("260", "346")
+    file, size = tmp_path_factory.mktemp("cuda") / "found.pickle", ("10", "18") if simulated else ("260", "346")
     environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1" if simulated else "0"}
     subprocess.run([sys.executable, str(PROGRAM), str(file), *size], check=True, env=environment)
     return Compared(pickle.loads(file.read_bytes()), 1.0 if simulated else 0.9999)

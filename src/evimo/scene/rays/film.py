@@ -12,7 +12,7 @@ from evimo.scene.rays.tiles import MOST, NONE, ROWS, STRIDE, moment, shade, trac
 f32 = np.float32
 TILE = 16
 _0, _1 = f32(0), f32(1)
-_SLACK = f32(0.006)  # rad, added around a tile: rays within its border pixels
+_SLACK = f32(0.006)  # rad, added around a tile for safety
 
 
 @lean
@@ -25,10 +25,11 @@ def tile_cones(rays, cones):
             y1, x1 = min(height, y0 + TILE) - 1, min(width, x0 + TILE) - 1
             cx, cy = rays[0, 0, (y0 + y1) // 2, (x0 + x1) // 2], rays[0, 1, (y0 + y1) // 2, (x0 + x1) // 2]
             norm, least = _1 / math.sqrt(cx * cx + cy * cy + _1), _1
-            for y in range(y0, y1 + 1):
-                for x in range(x0, x1 + 1):
-                    dx, dy = rays[0, 0, y, x], rays[0, 1, y, x]
-                    least = min(least, (dx * cx + dy * cy + _1) * norm / math.sqrt(dx * dx + dy * dy + _1))
+            for s in range(len(rays)):
+                for y in range(y0, y1 + 1):
+                    for x in range(x0, x1 + 1):
+                        dx, dy = rays[s, 0, y, x], rays[s, 1, y, x]
+                        least = min(least, (dx * cx + dy * cy + _1) * norm / math.sqrt(dx * dx + dy * dy + _1))
             opening = math.acos(min(_1, least)) + _SLACK
             cone = cones[row, column]
             cone[0], cone[1], cone[2] = cx * norm, cy * norm, norm

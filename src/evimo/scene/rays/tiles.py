@@ -22,11 +22,11 @@ from evimo.scene.rays.shading import NOTHING, SKY, lit, part_row, pattern
 from evimo.scene.rays.shadows import hidden_share, may_shade
 
 i32 = np.int32
-NONE = np.int64(0)  # counters start there: for a literal 0 numba compiles once more what they are passed to
+NONE = np.int64(0)  # counters start there: numba compiles what a literal 0 is passed to once more
 MOST = 1024  # rays at a time
 STRIDE = MOST + 16  # of the rows of scratch, float32: odd in cache lines
-_DX, _DY, _T, _LEFT, _TRIANGLE, _U, _V, _FINE, _SHARE, _BRIGHT, _SHINE, _FACE = range(0, 12 * STRIDE, STRIDE)
-ROWS = 12
+ROWS = 11
+_DX, _DY, _T, _LEFT, _U, _V, _FINE, _SHARE, _BRIGHT, _SHINE, _FACE = range(0, ROWS * STRIDE, STRIDE)
 _0, _HALF, _1 = np.float32(0), np.float32(0.5), np.float32(1)
 
 
@@ -149,31 +149,33 @@ def _darken(rays, number, depth, row, body, owner, left):
 
 
 @inlined
-def _surfaces(shape, number, row, light, meshes, work):
-    """The ends of the first rays of `work` on one part."""
+def _surfaces(shape, number, row, light, work, met):
+    """The ends of the first rays of `work` on one part; met: meshes, and each ray's triangle and place there."""
+    meshes, triangles, order = met
     for k in range(number):
         ray, hit = (work[_DX + k], work[_DY + k]), (work[_T + k], work[_LEFT + k])
-        triangle = i32(work[_TRIANGLE + k]) if shape == 4 else i32(0)
+        triangle = triangles[order[k]] if shape == 4 else i32(0)
         u, v, fine, share, bright, shine, face = lit(shape, ray, hit, row, light, (meshes, triangle))
         work[_U + k], work[_V + k], work[_FINE + k], work[_SHARE + k] = u, v, fine, share
         work[_BRIGHT + k], work[_SHINE + k], work[_FACE + k] = bright, shine, face
 
 
 @lean
-def _shade_part(i, number, frame, things, light, work, order, seen):
+def _shade_part(i, number, frame, things, light, work, order, triangles, seen):
     """What the first rays of `work` see, which all end on part i; `order` says which rays they are."""
     (parts, bank, meshes), (irradiance, tags) = things, seen
     row, around, shape = part_row(i, frame, parts), (light[0], light[1]), parts.shape[i]
+    met = meshes, triangles, order
     if shape == 0:
-        _surfaces(0, number, row, around, meshes, work)
+        _surfaces(0, number, row, around, work, met)
     elif shape == 1:
-        _surfaces(1, number, row, around, meshes, work)
+        _surfaces(1, number, row, around, work, met)
     elif shape == 2:
-        _surfaces(2, number, row, around, meshes, work)
+        _surfaces(2, number, row, around, work, met)
     elif shape == 3:
-        _surfaces(3, number, row, around, meshes, work)
+        _surfaces(3, number, row, around, work, met)
     else:
-        _surfaces(4, number, row, around, meshes, work)
+        _surfaces(4, number, row, around, work, met)
     dark, bright, texture = parts.reflectance[i, 0], parts.reflectance[i, 1], parts.texture[i]
     for k in range(number):
         u, v, fine, share = work[_U + k], work[_V + k], i32(work[_FINE + k]), work[_SHARE + k]
@@ -206,9 +208,9 @@ def shade(rays, number, hits, frame, things, light, scratch, seen):
         for k in range(first, number):
             if found[k] == i:
                 order[mine], work[_DX + mine], work[_DY + mine] = k, rays[0, k], rays[1, k]
-                work[_T + mine], work[_LEFT + mine], work[_TRIANGLE + mine] = depth[k], left[k], met[k]
+                work[_T + mine], work[_LEFT + mine] = depth[k], left[k]
                 mine += 1
-        _shade_part(np.uint32(i), mine, frame, things, light, work, order, seen)
+        _shade_part(np.uint32(i), mine, frame, things, light, work, order, met, seen)
 
 
 @lean
