@@ -56,15 +56,22 @@ def static(image: Image, header: Box) -> int:
 
 
 def depths(image: Image, header: Box, *, bounds: tuple[float, float], unit: str) -> None:
-    """The colour bar at the right of a title bar, near on the left, in place; every factor of two has a tick."""
+    """The colour bar at the right of a title bar, near on the left, in place; every factor of two has a tick.
+
+    From the far end on, those have a number whose number does not touch the last one.
+    """
     width = 150
     x, y = header.right - width - 12, header.y + 5
     near, far = np.log2(bounds)
     image[y : y + 9, x : x + width] = depth_table()[np.linspace(0, 255, width).astype(int)]
-    for power in range(round(near), round(far) + 1):
-        column = x + round((power - near) / (far - near) * (width - 1))
+    free = header.right + width
+    for power in range(round(far), round(near) - 1, -1):
+        column, number = x + round((power - near) / (far - near) * (width - 1)), f"{2.0**power:g}"
         image[y + 9 : y + 12, column] = MUTED
-        write(image, f"{2.0**power:g}", (column, y + 19), size=SMALL, colour=MUTED, align="centre")
+        reach = text_width(number, size=SMALL) // 2 + 2
+        if column + reach <= free:
+            write(image, number, (column, y + 19), size=SMALL, colour=MUTED, align="centre")
+            free = column - reach
     write(image, unit, (x - 12, y + 4), size=SMALL, colour=MUTED, align="right")
 
 
