@@ -138,6 +138,8 @@ def test_the_command_writes_recordings(tmp_path):
         ({"minutes": 0.0}, "positive"),
         ({"seed": -1}, "seed"),
         ({"seconds": 0.0}, "0.025"),
+        ({"seconds": 0.06}, "multiple of 0.025"),
+        ({"workers": 0}, "at least one"),
         ({"sensor": "kodak"}, "davis346"),
         ({"layout": "coco"}, "evimo2, evimo1"),
         ({"events": "dat"}, "aedat4, raw"),
@@ -146,7 +148,8 @@ def test_the_command_writes_recordings(tmp_path):
 )
 def test_bad_requests_say_what_would_do(how, message, tmp_path):
     with pytest.raises(BadInput, match=message):
-        simulate(**{"minutes": 1.0, "out": tmp_path, **how})
+        simulate(**{"minutes": 1.0, "out": tmp_path / "out", **how})
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_takes_layout_events_and_sensor(tmp_path, capsys):

@@ -66,8 +66,10 @@ def simulate(
     """
     from evimo.simulate.film import check_device
     from evimo.simulate.own_folders import OwnFolders
+    from evimo.simulate.workers import check_workers
 
     check_device(device)
+    check_workers(workers)
     own = OwnFolders(texture_dir, mesh_dir)
     if replica:
         defaults = (set, sensor, seconds, camera, layout, events) == ("all", "davis346", 1.0, "random", "evimo2", None)

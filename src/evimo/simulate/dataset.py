@@ -59,11 +59,12 @@ class DatasetPlan:
             check_events_format(self.events, self.pixels)
         if self.set_number not in (0, *SETS):
             raise BadInput(f"no set {self.set_number}", fix="a set from 1 to 6, or all")
-        if not (0 < self.minutes < inf and SLICE_S <= self.seconds < inf) or min(height, width) < 16:
-            raise BadInput(
-                f"{self.minutes} minutes of recordings of {self.seconds} s, {width}x{height} px",
-                fix="positive minutes, at least 0.025 s, at least 16x16 px",
-            )
+        if not 0 < self.minutes < inf:
+            raise BadInput(f"{self.minutes} minutes of recordings", fix="a positive number")
+        if not SLICE_S <= self.seconds < inf or abs(self.seconds / SLICE_S - round(self.seconds / SLICE_S)) > 1e-6:
+            raise BadInput(f"recordings of {self.seconds} s", fix=f"a multiple of {SLICE_S:g} s, the length of a slice")
+        if min(height, width) < 16:
+            raise BadInput(f"recordings of {width}x{height} px", fix="at least 16x16 px")
         if self.seed < 0:
             raise BadInput(f"seed {self.seed}", fix="a seed from 0")
 

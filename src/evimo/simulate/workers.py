@@ -22,8 +22,7 @@ def finished(work: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -
     Raises:
         BadInput: less than one worker.
     """
-    if workers < 1:
-        raise BadInput(f"{workers} workers", fix="at least one")
+    check_workers(workers)
     if workers == 1:
         yield from map(work, jobs)
         return
@@ -35,6 +34,16 @@ def finished(work: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -
                 yield future.result()
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def check_workers(workers: int) -> None:
+    """Make sure that there is somebody to do the work.
+
+    Raises:
+        BadInput: less than one worker.
+    """
+    if workers < 1:
+        raise BadInput(f"{workers} workers", fix="at least one")
 
 
 def _prepare(workers: int) -> None:
