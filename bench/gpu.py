@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from evimo.errors import EvimoError
-from evimo.scene.rays.cuda import CudaRenderer
+from evimo.scene.cuda_renderer import CudaRenderer
 from evimo.scene.rays.on_device import SIMULATED, check_cuda, cuda
 from evimo.scene.renderer import Renderer
 from evimo.simulate import film

@@ -16,9 +16,9 @@ import numpy as np
 
 from evimo.geometry.camera import Camera
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, MESH, Body, Part, Scene, Surface
+from evimo.scene.cuda_renderer import CudaRenderer
 from evimo.scene.meshes.bank import mesh_bank
 from evimo.scene.motion import Motion, random_rotation, wander
-from evimo.scene.rays.cuda import CudaRenderer
 from evimo.scene.rays.on_device import SIMULATED, cuda, uploaded
 from evimo.scene.renderer import Renderer
 from evimo.scene.textures.bank import texture_bank

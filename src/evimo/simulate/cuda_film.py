@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from evimo.scene.rays.cuda import CudaRenderer
+from evimo.scene.cuda_renderer import CudaRenderer
 from evimo.scene.rays.on_device import THREADS, blocks, cuda
 from evimo.scene.renderer import Frames, Renderer
 from evimo.simulate.bands import Exposures, Fed

@@ -1,5 +1,5 @@
 # pyright: basic
-"""Frames of a moving scene on an NVIDIA GPU: the functions of the CPU, one thread per pixel and frame.
+"""CUDA kernels that film a moving scene: the functions of the CPU, one thread per pixel and frame.
 
 Every tile is cast in every frame, as on the CPU with strides of 1: first the centres, then more rays at edges.
 """
@@ -8,14 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evimo.scene.rays import film
-from evimo.scene.rays.film import TILE
+from evimo.scene.rays.film import TILE, bounding_spheres, parts_in_sight
 from evimo.scene.rays.hits import FAR, NEAR, hit_part
-from evimo.scene.rays.on_device import THREADS, blocks, cuda, on_device, uploaded
+from evimo.scene.rays.on_device import cuda, on_device
 from evimo.scene.rays.shading import NOTHING, SKY, shade_ray
 from evimo.scene.rays.shadows import hidden_share
 from evimo.scene.rays.tiles import moment
-from evimo.scene.renderer import Frames, Renderer
 
 f32 = np.float32
 i32 = np.int32
@@ -24,7 +22,7 @@ LISTING = (8, 8, 2)  # tiles across, tiles down and frames that a block makes li
 
 _hit_part, _shade_ray, _moment = on_device(hit_part), on_device(shade_ray), on_device(moment)
 _hidden_share = on_device(hidden_share)
-_spheres, _listing = on_device(film._spheres), on_device(film._listing)
+_spheres, _listing = on_device(bounding_spheres), on_device(parts_in_sight)
 
 
 class Lists(NamedTuple):
@@ -39,7 +37,7 @@ class Lists(NamedTuple):
 
 
 @cuda.jit
-def _bound(centre, parts, light, spheres):
+def bound(centre, parts, light, spheres):
     """What tiles ask of each part at each frame."""
     f = cuda.grid(1)
     if f < spheres.shape[0]:
@@ -47,7 +45,7 @@ def _bound(centre, parts, light, spheres):
 
 
 @cuda.jit
-def _list(cones, spheres, lists):
+def fill_lists(cones, spheres, lists):
     """The parts of each tile at each frame."""
     column, row, f = cuda.grid(3)
     if row < cones.shape[0] and column < cones.shape[1] and f < spheres.shape[0]:
@@ -88,7 +86,7 @@ def _look(dx, dy, frame, things, light, listed, count):
 
 
 @cuda.jit
-def _glance(rays, placed, things, everything, depth, parts):
+def glance(rays, placed, things, everything, depth, parts):
     """What rays (2, N) meet in all frames, against every part."""
     k, f = cuda.grid(2)
     if k < rays.shape[1]:
@@ -97,7 +95,7 @@ def _glance(rays, placed, things, everything, depth, parts):
 
 
 @cuda.jit
-def _cast(rays, placed, things, light, lists, image, depth, tags):
+def cast_centres(rays, placed, things, light, lists, image, depth, tags):
     """The centre rays of all pixels of all frames; a block is a tile."""
     column, row, f = cuda.blockIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
     x, y = column * TILE + cuda.threadIdx.x, row * TILE + cuda.threadIdx.y
@@ -109,7 +107,7 @@ def _cast(rays, placed, things, light, lists, image, depth, tags):
 
 
 @cuda.jit
-def _smooth(rays, placed, things, light, lists, image, tags):
+def smooth_edges(rays, placed, things, light, lists, image, tags):
     """More rays in pixels that see another face than a neighbour, or a fine net."""
     column, row, f = cuda.blockIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
     x, y = column * TILE + cuda.threadIdx.x, row * TILE + cuda.threadIdx.y
@@ -125,62 +123,3 @@ def _smooth(rays, placed, things, light, lists, image, tags):
                 _, seen, _ = _look(rays[s, 0, y, x], rays[s, 1, y, x], frame, things, light, listed, count)
                 total += seen
             image[f, y, x] = total / f32(rays.shape[0] - 1)
-
-
-class CudaRenderer:
-    """Casts rays as `Renderer` does, on the GPU."""
-
-    def __init__(self, renderer: Renderer) -> None:
-        scene = renderer.scene
-        self.renderer = renderer
-        self._cones, self._rays = cuda.to_device(renderer.cones), cuda.to_device(renderer.lens[0])
-        self._parts, self._bank = uploaded(renderer.packed.parts), _on_gpu(scene.bank)
-        self._meshes, self._light = uploaded(scene.meshes), cuda.to_device(renderer.light)
-
-    def frames(self, time_s: np.ndarray) -> Frames:
-        """Intensity, depth and parts at times (F,), on the GPU."""
-        shape = (len(time_s), *self.renderer.camera.size)
-        frames = Frames(*(cuda.device_array(shape, kind) for kind in (np.float32, np.float32, np.int16)))
-        placed = uploaded(self.renderer.packed.placed(time_s))
-        lists = self._lists(placed, len(time_s))
-        rows, columns = self._cones.shape[:2]
-        tiles = (columns, rows, len(time_s)), (TILE, TILE)
-        scene = placed, (self._parts, self._bank, self._meshes), self._light
-        _cast[tiles](self._rays, *scene, lists, *frames)
-        _smooth[tiles](self._rays, *scene, lists, frames.image, frames.tags)
-        return frames
-
-    def glance(self, time_s: np.ndarray) -> tuple[Any, Any]:
-        """Depth (F, N) and part (F, N) of the renderer's coarse rays at times (F,), on the GPU."""
-        rays, everything = self.renderer.coarse_rays, np.arange(len(self._parts.shape), dtype=np.uint8)
-        shape = (len(time_s), rays.shape[1])
-        depth, parts = cuda.device_array(shape, np.float32), cuda.device_array(shape, np.int32)
-        things, placed = (self._parts, self._bank, self._meshes), uploaded(self.renderer.packed.placed(time_s))
-        grid = ((blocks(shape[1]), shape[0]), (THREADS, 1))
-        _glance[grid](cuda.to_device(rays), placed, things, cuda.to_device(everything), depth, parts)
-        return depth, parts
-
-    def _lists(self, placed: Any, frames: int) -> Lists:
-        rows, columns = self._cones.shape[:2]
-        number = len(self._parts.shape)
-        spheres = cuda.to_device(np.zeros((frames, number, 6), np.float32))
-        _bound[blocks(frames), THREADS](placed.centre, self._parts, self._light, spheres)
-        lists = Lists(
-            cuda.device_array((rows, columns, frames, number), np.uint8),
-            cuda.device_array((rows, columns, frames), np.int32),
-            cuda.device_array((rows, columns, frames), np.bool_),
-        )
-        grid = tuple(-(-number // each) for number, each in zip((columns, rows, frames), LISTING, strict=True))
-        _list[grid, LISTING](self._cones, spheres, lists)
-        return lists
-
-
-_banks: dict[int, tuple[Any, Any]] = {}
-
-
-def _on_gpu(bank: Any) -> Any:
-    """A texture bank on the GPU; the last one is kept, since many recordings share it."""
-    if id(bank) not in _banks:
-        _banks.clear()
-        _banks[id(bank)] = bank, uploaded(bank)
-    return _banks[id(bank)][1]

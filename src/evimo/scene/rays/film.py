@@ -37,7 +37,7 @@ def tile_cones(rays, cones):
 
 
 @lean
-def _spheres(centre, parts, pixel, spheres):
+def bounding_spheres(centre, parts, pixel, spheres):
     """What tiles ask of each part's bounding sphere, (P, 6).
 
     Unit direction (3), cosine and sine of the angular radius (sine 2: it is everywhere), and 1 for a net with bars so
@@ -59,7 +59,7 @@ def _spheres(centre, parts, pixel, spheres):
 
 
 @lean
-def _listing(cone, spheres, listed):
+def parts_in_sight(cone, spheres, listed):
     """Parts whose sphere meets the cone; returns their number, and whether one of them is a fine net."""
     count, netted = 0, False
     for i in range(len(spheres)):
@@ -167,7 +167,7 @@ def _cast_row(row, first, cones, strides, scene, spheres, lists, out):
                 tags[f, y0:y1, x0:x1] = tags[f - 1, y0:y1, x0:x1]
                 continue
             found = lists[0][row, column, f]
-            count, net = _listing(cones[row, column], spheres[f], found)
+            count, net = parts_in_sight(cones[row, column], spheres[f], found)
             lists[1][row, column, f], lists[2][row, column, f] = count, net
             _tile(f, box, scene, (found, count, net), out, scratch)
 
@@ -179,7 +179,7 @@ def _smooth_row(row, first, strides, scene, lists, out):
         box, stride = _box(row, column, out), strides[row, column]
         for f in range(first, len(out[0])):
             if f % stride == 0:
-                count = np.int64(lists[1][row, column, f])  # as `_listing` has it: what follows is compiled once
+                count = np.int64(lists[1][row, column, f])  # as `parts_in_sight` has it: what follows is compiled once
                 mine = lists[0][row, column, f], count, lists[2][row, column, f]
                 _smooth_edges(f, box, scene, mine, out, scratch)
         if stride > 1:
@@ -204,7 +204,7 @@ def render(cones, rays, placed, parts, bank, meshes, light, strides, first, imag
     counts, nets = np.zeros((rows, columns, frames), np.int32), np.zeros((rows, columns, frames), np.bool_)
     spheres = np.zeros((frames, len(parts.shape), 6), np.float32)
     for f in range(frames):
-        _spheres(placed.centre[f], parts, light[1], spheres[f])
+        bounding_spheres(placed.centre[f], parts, light[1], spheres[f])
     for row in numba.prange(rows):  # parallel loops take neither nested tuples nor writes to a tuple's arrays
         scene, lists = (rays, placed, (parts, bank, meshes), light), (listed, counts, nets)
         _cast_row(row, first, cones, strides, scene, spheres, lists, (image, depth, tags))
