@@ -116,8 +116,8 @@ def _take(source, e, first, row, lagging):
 
 
 def _read(source, e, first, row, lagging):
-    """What pixels from `first` on read at instant e: compiled for the kind of source."""
-    raise NotImplementedError
+    """What pixels from `first` on read at instant e; numba compiles the one of both that fits the source."""
+    (_take if isinstance(source, Fed) else _expose)(source, e, first, row, lagging)
 
 
 @overload(_read)

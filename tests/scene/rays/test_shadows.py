@@ -9,6 +9,7 @@ from scipy.ndimage import binary_erosion
 from evimo.geometry.camera import Camera
 from evimo.scene.bodies import BOX, ELLIPSOID, Body, Part, Scene, Surface
 from evimo.scene.motion import Motion
+from evimo.scene.rays.shadows import hidden_share, may_shade, shadow_rows
 from evimo.scene.renderer import Renderer, lens_rays
 
 NOW = np.array([0.0])
@@ -152,3 +153,20 @@ def test_shadows_do_not_depend_on_what_else_a_tile_sees(bank):
     shifted = replace(CAMERA, cx=CAMERA.cx - 3, cy=CAMERA.cy - 5, width=CAMERA.width - 3, height=CAMERA.height - 5)
     one, two = (Renderer(scene, camera).frames(NOW).image[0] for camera in (CAMERA, shifted))
     np.testing.assert_allclose(two[2:-2, 2:-2], one[5:, 3:][2:-2, 2:-2], atol=2e-6)
+
+
+def test_no_caster_is_left_out_that_shades_some_point_of_a_box():
+    """Stretched and turned casters, boxes of all sizes: whatever hides light from a point in one is listed."""
+    rng, listed, shading = np.random.default_rng(5), 0, 0
+    for _ in range(300):
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        to_unit = turn / rng.uniform(0.02, 0.5, (3, 1))
+        row = shadow_rows(to_unit[None, None], -(to_unit @ rng.normal(size=3) * 0.7)[None, None], LIGHT[None], LAMP)
+        row = row[0, 0].astype(np.float32)
+        middle, half = rng.normal(size=3).astype(np.float32), rng.uniform(0.01, 0.4, 3).astype(np.float32)
+        points = middle + half * rng.uniform(-1, 1, (200, 3)).astype(np.float32)
+        hides = max(hidden_share(row, *point) for point in points) > 0
+        may = may_shade(row, tuple(middle), tuple(half))
+        assert may or not hides
+        listed, shading = listed + may, shading + hides
+    assert 10 < shading <= listed < 150, "both kinds occur, and few are listed in vain"
