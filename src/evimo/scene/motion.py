@@ -183,6 +183,13 @@ def random_rotation(rng: np.random.Generator) -> F8:
     )
 
 
+def axes_along(way: F8) -> F8:
+    """Axes as columns whose third is the unit vector `way`."""
+    aside = cross_matrix(way)[:, np.argmin(np.abs(way))]
+    aside = aside / np.linalg.norm(aside)
+    return np.stack((aside, np.cross(way, aside), way), axis=1)
+
+
 def turned(angle: float) -> F8:
     """A rotation about the world's vertical, rad."""
     return rotation_from_vector(np.array([0.0, 0.0, angle]))

@@ -39,7 +39,7 @@ class Pixels:
         _heat(self.state, settings, rng)
         light = first * self._lamp(np.array([start_s]))
         self.state.level[:] = np.log(light + np.float32(settings.floor)).ravel()
-        phase = rng.uniform(-1, 1, number)  # of the memorised level between the thresholds
+        phase = rng.triangular(-1, 0, 1, number)  # of a level that has gone to and fro between the thresholds for long
         self.state.gap[:] = 0.999 * np.where(phase > 0, phase * self.state.on, phase * self.state.off)
         with np.errstate(divide="ignore"):
             wait = -np.log(rng.random(number)) / self.state.shot

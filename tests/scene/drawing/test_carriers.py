@@ -56,6 +56,17 @@ def test_hands_touch_what_they_hold(things):
         assert np.linalg.norm(own - palm, axis=1).min() < reach + 0.05
 
 
+def test_sticks_are_thin_and_go_from_the_thing_out_of_the_picture(things, view):
+    for thing in carried(things, "stick"):
+        rod = thing.placed()[thing.own]
+        tip, grip = (rod.position + sign * rod.half[2] * rod.rotation[:, 2] for sign in (-1, 1))
+        own = thing.placed()[: thing.own]
+        assert min(np.linalg.norm(tip - part.position) for part in own) < 1e-9
+        assert rod.half[0] < 0.01
+        x, y, z = (grip - view.position) @ view.axes
+        assert z < 0.1 or abs(x / z) > 0.7 or abs(y / z) > 0.52
+
+
 def test_strings_end_at_the_ceiling(things, view):
     hanging = carried(things, "string")
     for thing in hanging:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from evimo.scene.drawing.gestures import TREMOR_HZ, Toss, level, pendulum, trembling, upright
+from evimo.scene.drawing.gestures import TREMOR_HZ, Following, Toss, level, pendulum, trembling, upright
 from evimo.scene.motion import GRAVITY, Motion, Pauses, Rest, wander
 
 STEP = 1e-5
@@ -19,6 +19,9 @@ def gestures():
     yield "trembling", Motion(np.ones(3), np.eye(3), (trembling(rng, moves, 0.1),), trembling(rng, turns, 0.3))
     yield "sliding", Motion(np.ones(3), np.eye(3), (level(moves),), upright(turns))
     pauses = Pauses((Rest(0.1, 0.3, 0.05), Rest(0.5, 0.6, 0.02), Rest(2.0, 3.0, 0.02)))
+    leader = Motion(np.ones(3), np.eye(3), (swing,), None, Rest(0.4, 0.7, 0.05))
+    yield "following", Motion(np.ones(3), np.eye(3), (Following(moves, leader, 0.8 * np.eye(3)),), turns)
+    yield "turning after", Motion(np.ones(3), np.eye(3), (moves,), Following(turns, leader, rng.normal(size=(3, 3))))
     yield "pausing", Motion(np.ones(3), np.eye(3), (moves,), turns, pauses)
 
 

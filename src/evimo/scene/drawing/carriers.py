@@ -1,4 +1,4 @@
-"""What holds things up: a hand, a string, legs, or nothing; the same for things that move and things that do not."""
+"""What holds things up: a hand, a stick, a string, legs, rarely nothing; the same whether things move or not."""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,18 +6,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.bodies import CYLINDER, ELLIPSOID, Part
+from evimo.scene.bodies import CYLINDER, ELLIPSOID, Part, Surface
 from evimo.scene.drawing.objects import OVERLAP, reach
 from evimo.scene.drawing.paint import Paint
-from evimo.scene.motion import cross_matrix, turned
+from evimo.scene.motion import axes_along, turned
 
 F8 = NDArray[np.float64]
 
-CARRIERS = {"nothing": 0.36, "floor": 0.15, "hand": 0.19, "string": 0.17, "legs": 0.13}
-"""Share of things that float or fly, stand, are held, hang, and stand on thin legs."""
+CARRIERS = {"nothing": 0.1, "floor": 0.22, "hand": 0.2, "string": 0.18, "legs": 0.15, "stick": 0.15}
+"""Share of things that float or fly, stand, are held, hang, stand on thin legs, and are on a stick that is held."""
 BEYOND = 0.25  # m that an arm goes on out of view
 SIDES = {(0.0, 0.75): 0.5, (0.95, 0.2): 0.2, (-0.95, 0.2): 0.2, (0.0, -0.75): 0.1}
 """Where arms come from, on the plane Z = 1 of the camera, beyond what it sees: rather from below."""
+BEND = (0.03, 0.16)  # of an elbow, aside from the straight line to the shoulder, of its length
 SHORTEST_STRING = 0.15  # m
 
 
@@ -43,32 +44,58 @@ class Thing:
 
 
 def held(rng: np.random.Generator, thing: Thing, paint: Paint, shoulder: F8) -> Thing:
-    """In a hand, whose arm comes from `shoulder` (3,) in the world.
+    """In a hand, whose arm comes from `shoulder` (3,) in the world and is bent a little.
 
     Carriers have an even number of round parts, so that families of shapes stay what they are.
     """
-    arm = float(np.linalg.norm(shoulder - thing.at))
-    towards = (shoulder - thing.at) / arm
+    away = shoulder - thing.at
+    towards = away / np.linalg.norm(away)
+    elbow = 0.5 * away + frame_along(rng, towards)[:, 0] * rng.uniform(*BEND) * np.linalg.norm(away)
+    towards = elbow / np.linalg.norm(elbow)
     far = max(thing.parts, key=lambda part: float(part.position @ towards))
     grip = far.position + OVERLAP * reach(far.shape, far.half, far.rotation.T @ towards) * towards
-    axes = frame_along(rng, towards)
-    wide = float(np.clip(reach(far.shape, far.half, far.rotation.T @ axes[:, 0]), 0.02, 0.05))
     skin, sleeve = paint.surface(rng, plain=1.0), paint.surface(rng, plain=0.5)
-    wrist = min(rng.uniform(0.08, 0.25), 0.5 * arm)
-    thick = rng.uniform(0.024, 0.032)
-    pieces = [
-        (ELLIPSOID, (0.042, 0.02, 0.05), (0, 0, 0.035), skin),  # palm
-        (ELLIPSOID, (0.011, 0.013, 0.042), (wide + 0.006, 0.01, 0.0), skin),  # thumb
-        (ELLIPSOID, (0.011, 0.03, 0.045), (-wide - 0.006, 0.0, -0.01), skin),  # fingers
-        (ELLIPSOID, (0.01, 0.012, 0.045), (-wide - 0.004, 0.036, 0.0), skin),
-        (CYLINDER, (thick, thick * 0.8, wrist / 2), (0, 0, 0.06 + wrist / 2), skin),
-        (CYLINDER, (1.5 * thick, 1.4 * thick, (arm - wrist) / 2), (0, 0, 0.06 + (arm + wrist) / 2), sleeve),
+    thick = float(rng.uniform(0.024, 0.032))
+    bare = grip + (elbow - grip) * min(rng.uniform(0.3, 0.9), 0.25 / float(np.linalg.norm(elbow - grip)))
+    axes = frame_along(rng, (elbow - grip) / np.linalg.norm(elbow - grip))
+    arm = [
+        _limb(grip, bare, thick, skin),
+        _limb(bare, elbow, 1.4 * thick, sleeve),
+        Part(ELLIPSOID, np.full(3, 1.45 * thick), elbow, np.eye(3), sleeve),
+        _limb(elbow, away, 1.5 * thick, sleeve),
     ]
-    hand = [
-        Part(shape, np.array(half), grip + axes @ np.array(place), axes, surface)
-        for shape, half, place, surface in pieces
+    wide = float(np.clip(reach(far.shape, far.half, far.rotation.T @ axes[:, 0]), 0.02, 0.05))
+    return replace(thing, parts=(*thing.parts, *_hand(grip, axes, wide, skin), *arm), how="hand")
+
+
+def _hand(grip: F8, axes: F8, wide: float, skin: Surface) -> list[Part]:
+    """Palm, thumb and four fingers around something `wide` m to either side; the arm goes along the third axis."""
+    palm, thumb = ((0.042, 0.02, 0.048), (0, 0, 0.035)), ((0.011, 0.012, 0.04), (wide + 0.006, 0.012, 0.0))
+    fingers = [
+        ((0.009, 0.0095, 0.044 - 0.002 * k * k), (-wide - 0.004, 0.011 - 0.02 * k, -0.008)) for k in range(-1, 3)
     ]
-    return replace(thing, parts=(*thing.parts, *hand), how="hand")
+    pieces = [palm, thumb, *fingers]
+    return [Part(ELLIPSOID, np.array(half), grip + axes @ np.array(at), axes, skin) for half, at in pieces]
+
+
+def _limb(start: F8, stop: F8, thick: float, surface: Surface) -> Part:
+    """A cylinder between two points, as flat as arms are."""
+    way = stop - start
+    long = float(np.linalg.norm(way))
+    axes = axes_along(way / long)
+    return Part(CYLINDER, np.array((thick, 0.85 * thick, long / 2)), (start + stop) / 2, axes, surface)
+
+
+def on_stick(rng: np.random.Generator, thing: Thing, paint: Paint, holder: F8) -> Thing:
+    """On a thin stick that someone holds at `holder` (3,) in the world, as puppets are."""
+    towards = (holder - thing.at) / float(np.linalg.norm(holder - thing.at))
+    surface, thin = paint.surface(rng, plain=0.9), rng.uniform(0.004, 0.009)
+    axes, long = frame_along(rng, towards), float(np.linalg.norm(holder - thing.at)) / 2
+    near = min(thing.parts, key=lambda part: float(np.linalg.norm(part.position)))
+    tip = near.position + axes[:, 2] * reach(near.shape, near.half, near.rotation.T @ axes[:, 2])
+    rod = Part(CYLINDER, np.array((thin, thin, long)), near.position + axes[:, 2] * long, axes, surface)
+    collar = Part(CYLINDER, np.array((2.5 * thin, 2.5 * thin, 0.012)), tip, axes, surface)
+    return replace(thing, parts=(*thing.parts, rod, collar), how="stick")
 
 
 def hanging(rng: np.random.Generator, thing: Thing, paint: Paint, ceiling: float) -> Thing:
@@ -104,9 +131,7 @@ def on_legs(rng: np.random.Generator, thing: Thing, paint: Paint) -> Thing:
 
 def frame_along(rng: np.random.Generator, way: F8) -> F8:
     """Axes as columns whose third is the unit vector `way`, rolled at random."""
-    aside = cross_matrix(way)[:, np.argmin(np.abs(way))]
-    aside = aside / np.linalg.norm(aside)
-    return np.stack((aside, np.cross(way, aside), way), axis=1) @ turned(rng.uniform(0, 2 * math.pi))
+    return axes_along(way) @ turned(rng.uniform(0, 2 * math.pi))
 
 
 def out_of_view(rng: np.random.Generator, at: F8, position: F8, axes: F8) -> F8:

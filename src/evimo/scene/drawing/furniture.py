@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from evimo.scene.bodies import BOX, CYLINDER, Body, Part, Surface
 from evimo.scene.drawing.paint import Paint
-from evimo.scene.motion import turned
+from evimo.scene.motion import axes_along, turned
 
 F8 = NDArray[np.float64]
 
@@ -51,14 +51,7 @@ def add_rod(room: Room, start: F8, stop: F8, thick: float, surface: Surface) -> 
     way = stop - start
     length = float(np.linalg.norm(way))
     half = (thick, thick, length / 2)
-    room.add(CYLINDER, (start + stop) / 2, half, rotation=_along(way / length), surface=surface)
-
-
-def _along(way: F8) -> F8:
-    """A rotation whose third column is the unit vector `way`."""
-    level = math.hypot(way[0], way[1])
-    x, y = (way[0] / level, way[1] / level) if level > 1e-9 else (1.0, 0.0)
-    return np.array([[x * way[2], -y, way[0]], [y * way[2], x, way[1]], [-level, 0.0, way[2]]])
+    room.add(CYLINDER, (start + stop) / 2, half, rotation=axes_along(way / length), surface=surface)
 
 
 def lay_floor_details(room: Room) -> None:

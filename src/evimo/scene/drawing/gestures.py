@@ -1,4 +1,4 @@
-"""Ways in which hands and strings move things: tossed and caught, swinging, trembling."""
+"""Ways in which hands and strings move things: tossed and caught, swinging, trembling, following what moves."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.motion import GRAVITY, Wander, right_jacobian, rotation_from_vector, wander
+from evimo.scene.motion import GRAVITY, Curve, Motion, Wander, right_jacobian, rotation_from_vector, wander
 
 F8 = NDArray[np.float64]
 TREMOR_HZ = (5.0, 10.0)  # of hands
@@ -62,6 +62,23 @@ class Swing:
         turn = rotation_from_vector(vector)
         spin = np.einsum("tij,tj->ti", right_jacobian(vector), rate)
         return turn @ self.arm - self.arm, np.einsum("tij,tj->ti", turn, np.cross(spin, self.arm))
+
+
+@dataclass(frozen=True, slots=True)
+class Following:
+    """A curve, and on top of it how far something else has gone from its mean position.
+
+    by: (3, 3), from that displacement in the world, m, to what is added to the curve.
+    """
+
+    curve: Curve
+    leader: Motion
+    by: F8
+
+    def __call__(self, time_s: F8) -> tuple[F8, F8]:
+        """Value and rate at each time."""
+        (value, rate), leader = self.curve(time_s), self.leader.at(time_s)
+        return value + (leader.position - self.leader.position) @ self.by.T, rate + leader.velocity @ self.by.T
 
 
 def pendulum(rng: np.random.Generator, length: float, speed: float, *, zero_s: float) -> Swing:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.scene.drawing.carriers import Thing
-from evimo.scene.drawing.gestures import Toss, level, pendulum, trembling, upright
+from evimo.scene.drawing.gestures import Following, Toss, level, pendulum, trembling, upright
 from evimo.scene.motion import Curve, Motion, Pauses, Rest, Throw, Wander, wander
 
 F8 = NDArray[np.float64]
@@ -21,6 +21,7 @@ LONG_S = 2.0  # from here on a scene is held together, or what moves in it would
 REACH, TURN = 0.2, 0.15  # m and rad: root mean square of excursions in such a scene
 PAUSE_EVERY_S = 5.0  # in a long scene, of what pauses
 SUDDEN_S = (0.005, 0.1)  # to a stop
+KEPT_UP = (0.6, 1.1)  # how much of a mover's way a camera that follows it makes up for
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,28 @@ def camera_motion(rng: np.random.Generator, pose: tuple[F8, F8], pace: Pace, sec
     elif chance < STATIC_CAMERA + PAUSED_CAMERA:
         rest = _pauses(rng, seconds)
     return Motion(*pose, (moves,), turns, rest)
+
+
+def following(rng: np.random.Generator, camera: Motion, movers: list[Motion]) -> Motion:
+    """The camera's motion if it follows a mover, turning after it or going along: what stands still flies by.
+
+    Nobody follows what is thrown out of reach.
+    """
+    within_reach = [mover for mover in movers if not isinstance(mover.moves[0], Throw)]
+    if not within_reach:
+        return camera
+    mover, share = within_reach[rng.integers(len(within_reach))], float(rng.uniform(*KEPT_UP))
+    (moves,), turns = camera.moves, camera.turns
+    assert turns is not None
+    if rng.random() < 0.5:
+        moves = Following(moves, mover, share * np.eye(3))
+    else:
+        distance = (mover.position - camera.position) @ camera.rotation[:, 2]
+        aside = np.array(
+            [[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]
+        )  # right: about the axis that points down; down: to the left
+        turns = Following(turns, mover, share / distance * aside @ camera.rotation.T)
+    return Motion(camera.position, camera.rotation, (moves,), turns)
 
 
 def mover_motion(rng: np.random.Generator, thing: Thing, speed: float, seconds: float) -> Motion:
@@ -120,4 +143,11 @@ def _spin(rng: np.random.Generator, rates: tuple[float, ...], zero_s: float) -> 
     return wander(rng, rng.choice(rates) * math.exp(rng.normal() * 0.4), (0.3, 3.0), zero_s=zero_s)
 
 
-_CARRIED = {"nothing": _flying, "floor": _sliding, "legs": _sliding, "hand": _in_hand, "string": _on_string}
+_CARRIED = {
+    "nothing": _flying,
+    "floor": _sliding,
+    "legs": _sliding,
+    "hand": _in_hand,
+    "stick": _in_hand,
+    "string": _on_string,
+}

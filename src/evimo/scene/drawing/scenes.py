@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.scene.bodies import MOST_PARTS, Body, Scene
-from evimo.scene.drawing.moving import Pace, camera_motion, mover_motion
+from evimo.scene.drawing.carriers import Thing
+from evimo.scene.drawing.moving import Pace, camera_motion, following, mover_motion
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.drawing.pools import Pool
 from evimo.scene.drawing.rooms import ELEVATION, Room, furnished, net_in_front
@@ -19,7 +20,8 @@ from evimo.scene.textures.bank import TextureBank
 F8 = NDArray[np.float64]
 
 NO_MOVERS, NETTED = 0.18, 0.08
-BUSY = 0.3  # share of scenes with a dense, fast background and slow, rather plain things: they fire least
+BUSY = 0.45  # share of scenes with a dense, fast background and slow, rather plain things: they fire least
+FOLLOWED = 0.5  # share of scenes whose camera follows a mover
 DIFFUSE, LAMP = 0.2, (0.01, 0.15)  # share of scenes without shadows; angular radius of the light in the others, rad
 TILT = (0.08, 0.08, 0.1)  # rad, of the camera away from looking at its focus upright
 ROOM_PERIOD, THING_PERIOD = (0.4, 3.0), (0.1, 0.6)  # m, of textures
@@ -68,7 +70,7 @@ def draw_scene(
     plain = float(np.clip(style.plain + rng.normal() * 0.25, 0, 1)) * (0.3 if busy else 1)
     room = furnished(rng, kind, Paint(bank, plain, (1.2, float(rng.uniform(2.0, 3.4))), ROOM_PERIOD))
     pace = _jittered(rng, PACES[style.pace], busy=busy)
-    view = _viewpoint(rng, kind, room)
+    view = viewpoint(rng, kind, room)
     if rng.random() < NETTED:
         net_in_front(room, view.position, view.axes)
     things = Paint(bank, float(rng.choice([0.05, 0.25, 0.7])), (1.2, float(rng.uniform(2.0, 3.4))), THING_PERIOD)
@@ -78,6 +80,8 @@ def draw_scene(
     bodies = _bodies(rng, view, Family(things, pool, meshes), (count, pace.mover, seconds))
     light = rng.normal(size=3) + (0, 0, 1.5)
     camera = camera_motion(rng, (view.position, view.axes), pace, seconds)
+    if rng.random() < FOLLOWED:
+        camera = following(rng, camera, [body.motion for body in bodies if body.motion])
     way, ambient = light / np.linalg.norm(light), float(rng.uniform(0.3, 0.8))
     lamp = 0.0 if rng.random() < DIFFUSE else math.exp(rng.uniform(*np.log(LAMP)))
     return Scene(bodies, camera, way, ambient, bank, meshes=NO_MESHES if meshes is None else meshes, lamp=lamp)
@@ -89,7 +93,8 @@ def _jittered(rng: np.random.Generator, pace: Pace, *, busy: bool) -> Pace:
     return Pace(*(float(v * k * math.exp(rng.normal() * 0.35)) for v, k in zip(speeds, faster, strict=True)))
 
 
-def _viewpoint(rng: np.random.Generator, kind: str, room: Room) -> View:
+def viewpoint(rng: np.random.Generator, kind: str, room: Room) -> View:
+    """Where the camera is meant to be in a room of this kind, looking at its focus."""
     distance, up, side = rng.uniform(0.7, 1.8), rng.uniform(*ELEVATION[kind]), rng.uniform(-0.5, 0.5)
     way = np.array([math.sin(side) * math.cos(up), -math.cos(side) * math.cos(up), math.sin(up)])
     inside = room.half[:2] - 0.2
@@ -103,13 +108,13 @@ def _viewpoint(rng: np.random.Generator, kind: str, room: Room) -> View:
 def _bodies(rng: np.random.Generator, view: View, family: Family, movers: tuple[int, float, float]) -> tuple[Body, ...]:
     """The room, movers (how many, m/s, for how long), and clutter: all but the room of one family."""
     count, mover_speed, seconds = movers
-    bodies = [view.room.body()]
+    bodies, things = [view.room.body()], list[Thing]()
     for _ in range(count):
-        thing, speed = draw_thing(rng, family, view), mover_speed * math.exp(rng.normal() * 0.5)
-        bodies.append(Body(thing.parts, mover_motion(rng, thing, speed, seconds)))
+        things.append(thing := draw_thing(rng, family, view, things))
+        bodies.append(Body(thing.parts, mover_motion(rng, thing, mover_speed * math.exp(rng.normal() * 0.5), seconds)))
     parts = sum(len(body.parts) for body in bodies)
-    for _ in range(int(rng.integers(2, 8)) if rng.random() < 0.85 else int(rng.integers(0, 2))):
-        thing = draw_thing(rng, family, view)
+    for _ in range(int(rng.integers(3, 9)) if rng.random() < 0.9 else int(rng.integers(0, 2))):
+        things.append(thing := draw_thing(rng, family, view, things))
         if (parts := parts + len(thing.parts)) > MOST_PARTS:
             break
         bodies.append(Body(thing.placed(), clutter=True))

@@ -1,12 +1,13 @@
 """Things in view, moving or not: one family of shapes, surfaces, places and carriers for both."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.bodies import Part
-from evimo.scene.drawing.carriers import CARRIERS, Thing, hanging, held, on_legs, out_of_view
+from evimo.scene.bodies import GRATING, Part
+from evimo.scene.drawing.carriers import CARRIERS, Thing, hanging, held, on_legs, on_stick, out_of_view
 from evimo.scene.drawing.objects import compound, size_of
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.drawing.pools import Pool
@@ -15,6 +16,8 @@ from evimo.scene.meshes.bank import MeshBank
 from evimo.scene.motion import random_rotation, turned
 
 F8 = NDArray[np.float64]
+NEAREST = 2.4  # times a thing's largest half size: it fills half of the picture's width there at most
+TRIES, TOUCHING = 12, 0.01  # to find a place where nothing else is; m that boxes may overlap
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,17 +42,24 @@ class Family:
     meshes: MeshBank | None = None
 
 
-def draw_thing(rng: np.random.Generator, family: Family, view: View) -> Thing:
-    """One thing with what carries it, at a place in view and nearer than the focus."""
+def draw_thing(rng: np.random.Generator, family: Family, view: View, others: Sequence[Thing] = ()) -> Thing:
+    """One thing with what carries it, in view, nearer than the focus, and in nothing else if there is such a place."""
     how = str(rng.choice(list(CARRIERS), p=list(CARRIERS.values())))
     stands = how in ("floor", "legs")
     parts = compound(rng, family.paint, family.pool, family.meshes)
     parts = turned_parts(parts, turned(rng.uniform(0, 6.3)) if stands else random_rotation(rng))
     half = size_of(parts, family.meshes)
-    at = _place(rng, float(half[2]), view, stands=stands)
+    taken = [*(_box(part.position, size_of((replace(part, position=np.zeros(3)),))) for part in _solid(view.room))]
+    taken += [_box(other.at, other.half) for other in others]
+    at = _place(rng, half, view, stands=stands)
+    for _ in range(TRIES):
+        if not _hits(_box(at, half - TOUCHING), taken):
+            break
+        at = _place(rng, half, view, stands=stands)
     thing = Thing(parts, at, half, "floor" if stands else "nothing", own=len(parts))
-    if how == "hand":
-        return held(rng, thing, family.paint, out_of_view(rng, at, view.position, view.axes))
+    if how in ("hand", "stick"):
+        carry = held if how == "hand" else on_stick
+        return carry(rng, thing, family.paint, out_of_view(rng, at, view.position, view.axes))
     if how == "string":
         return hanging(rng, thing, family.paint, 2 * view.room.half[2])
     return on_legs(rng, thing, family.paint) if how == "legs" else thing
@@ -60,8 +70,22 @@ def turned_parts(parts: tuple[Part, ...], turn: F8) -> tuple[Part, ...]:
     return tuple(replace(part, position=turn @ part.position, rotation=turn @ part.rotation) for part in parts)
 
 
-def _place(rng: np.random.Generator, bottom: float, view: View, *, stands: bool) -> F8:
-    z = rng.uniform(0.35, 1.0) * min(view.distance, 1.2)
+def _solid(room: Room) -> list[Part]:
+    """What stands in the room: without its walls, its floor and nets."""
+    return [part for part in room.parts if not part.inside and part.shape != GRATING and part.position[2] > 0]
+
+
+def _box(at: F8, half: F8) -> tuple[F8, F8]:
+    return at - half, at + half
+
+
+def _hits(box: tuple[F8, F8], others: Sequence[tuple[F8, F8]]) -> bool:
+    return any(bool((box[0] < high).all() and (low < box[1]).all()) for low, high in others)
+
+
+def _place(rng: np.random.Generator, half: F8, view: View, *, stands: bool) -> F8:
+    bottom = float(half[2])
+    z = max(rng.uniform(0.35, 1.0) * min(view.distance, 1.2), NEAREST * float(half.max()))
     at = view.position + view.axes @ (z * np.array([rng.uniform(-0.55, 0.55), rng.uniform(-0.4, 0.4), 1.0]))
     if stands:
         return np.array([*np.clip(at[:2], *view.room.stage), view.room.support + bottom])
