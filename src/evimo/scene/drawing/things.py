@@ -17,7 +17,7 @@ from evimo.scene.motion import random_rotation, turned
 
 F8 = NDArray[np.float64]
 NEAREST = 2.4  # times a thing's largest half size: it fills half of the picture's width there at most
-TRIES, TOUCHING = 12, 0.01  # to find a place where nothing else is; m that boxes may overlap
+TRIES, TOUCHING = 12, 0.01  # looks for a place where nothing else is; m that boxes may overlap
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +49,7 @@ def draw_thing(rng: np.random.Generator, family: Family, view: View, others: Seq
     parts = compound(rng, family.paint, family.pool, family.meshes)
     parts = turned_parts(parts, turned(rng.uniform(0, 6.3)) if stands else random_rotation(rng))
     half = size_of(parts, family.meshes)
-    taken = [*(_box(part.position, size_of((replace(part, position=np.zeros(3)),))) for part in _solid(view.room))]
-    taken += [_box(other.at, other.half) for other in others]
-    at = _place(rng, half, view, stands=stands)
-    for _ in range(TRIES):
-        if not _hits(_box(at, half - TOUCHING), taken):
-            break
-        at = _place(rng, half, view, stands=stands)
+    at = _free_place(rng, half, view, others, stands=stands)
     thing = Thing(parts, at, half, "floor" if stands else "nothing", own=len(parts))
     if how in ("hand", "stick"):
         carry = held if how == "hand" else on_stick
@@ -70,17 +64,21 @@ def turned_parts(parts: tuple[Part, ...], turn: F8) -> tuple[Part, ...]:
     return tuple(replace(part, position=turn @ part.position, rotation=turn @ part.rotation) for part in parts)
 
 
+def _free_place(rng: np.random.Generator, half: F8, view: View, others: Sequence[Thing], *, stands: bool) -> F8:
+    """A place where a box of these half sizes meets neither furniture nor another thing, or the last one tried."""
+    taken = [(part.position, np.abs(part.rotation) @ part.half) for part in _solid(view.room)]
+    taken += [(other.at, other.half) for other in others]
+    middles, halves = (np.array([pair[k] for pair in taken]).reshape(-1, 3) for k in (0, 1))
+    for _ in range(TRIES):
+        at = _place(rng, half, view, stands=stands)
+        if not (np.abs(at - middles) < halves + half - TOUCHING).all(axis=1).any():
+            return at
+    return _place(rng, half, view, stands=stands)
+
+
 def _solid(room: Room) -> list[Part]:
     """What stands in the room: without its walls, its floor and nets."""
     return [part for part in room.parts if not part.inside and part.shape != GRATING and part.position[2] > 0]
-
-
-def _box(at: F8, half: F8) -> tuple[F8, F8]:
-    return at - half, at + half
-
-
-def _hits(box: tuple[F8, F8], others: Sequence[tuple[F8, F8]]) -> bool:
-    return any(bool((box[0] < high).all() and (low < box[1]).all()) for low, high in others)
 
 
 def _place(rng: np.random.Generator, half: F8, view: View, *, stands: bool) -> F8:
