@@ -11,6 +11,7 @@ from evimo.scene.bodies import GRATING
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.drawing.rooms import furnished
 from evimo.scene.drawing.scenes import SETS, draw_scene, viewpoint
+from evimo.scene.drawing.space import Box, furniture
 from evimo.scene.drawing.things import Family, draw_thing
 
 
@@ -100,9 +101,10 @@ def test_things_are_drawn_into_nothing_else_if_there_is_room(bank, room):
         family = Family(Paint(bank, 0.5, (1, 2), (0.1, 0.5)))
         furnished_room = furnished(rng, room, family.paint)
         view = viewpoint(rng, room, furnished_room)
-        drawn, boxes = [], []
+        taken, boxes = furniture(furnished_room), []
         for _ in range(7):
-            drawn.append(thing := draw_thing(rng, family, view, drawn))
+            thing = draw_thing(rng, family, view, taken)
+            taken.append(Box(thing.at, thing.half))
             low, high = corners([replace(p, position=p.position + thing.at) for p in thing.parts[: thing.own]])
             solid = [p for p in furnished_room.parts if not p.inside and p.shape != GRATING and p.position[2] > 0]
             around = [corners([part]) for part in solid] + boxes

@@ -1,5 +1,7 @@
 """The five kinds of rooms of EV-IMO's sets: boxes, floor, wall, table, tabletop."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,7 @@ ELEVATION: dict[str, Range] = {  # of the camera above what it looks at, rad
 }
 CHAIRS = {"boxes": 0.25, "floor": 0.15, "wall": 0.2, "table": 0.5, "tabletop": 0.3}  # share of rooms with one or two
 LADDER = 0.1
+WALL_PERIOD = (1.0, 4.0)  # m, of textures: a photograph is not on a wall many times
 PLAIN_WALLS, BUSY_BELOW = (
     0.75,
     0.15,
@@ -30,7 +33,8 @@ def furnished(rng: np.random.Generator, kind: str, paint: Paint) -> Room:
     half = np.array([rng.uniform(2.5, 5), rng.uniform(2.5, 5), rng.uniform(2.3, 3.2)]) / 2
     room = Room(rng, paint, half)
     calm = PLAIN_WALLS if paint.plain > BUSY_BELOW or (kind == "wall" and rng.random() < 0.6) else None
-    room.add(BOX, (0, 0, half[2]), half, inside=True, plain=calm)
+    walls = replace(paint, period=WALL_PERIOD).surface(rng, plain=calm)
+    room.add(BOX, (0, 0, half[2]), half, inside=True, surface=walls)
     room.add(BOX, (0, 0, -0.01), (half[0], half[1], 0.012))
     _KINDS[kind](room)
     if rng.random() < 0.6:

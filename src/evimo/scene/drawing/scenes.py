@@ -12,15 +12,18 @@ from evimo.scene.drawing.moving import Pace, camera_motion, following, mover_mot
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.drawing.pools import Pool
 from evimo.scene.drawing.rooms import ELEVATION, Room, furnished, net_in_front
+from evimo.scene.drawing.space import Box, around, furniture, is_free, stays_inside, way_of
 from evimo.scene.drawing.things import Family, View, draw_thing
 from evimo.scene.meshes.bank import NO_MESHES, MeshBank
-from evimo.scene.motion import looking_at, rotation_from_vector
+from evimo.scene.motion import Motion, Throw, looking_at, rotation_from_vector
 from evimo.scene.textures.bank import TextureBank
 
 F8 = NDArray[np.float64]
 
 NO_MOVERS, NETTED = 0.18, 0.08
 BUSY = 0.45  # share of scenes with a dense, fast background and slow, rather plain things: they fire least
+WAYS, SLOWER = 14, 0.92  # tried for a mover that passes through nothing, each so much slower
+LOOKED_AHEAD_S = 2.0  # of its way that clutter keeps clear of
 FOLLOWED = 0.5  # share of scenes whose camera follows a mover
 DIFFUSE, LAMP = 0.2, (0.01, 0.15)  # share of scenes without shadows; angular radius of the light in the others, rad
 TILT = (0.08, 0.08, 0.1)  # rad, of the camera away from looking at its focus upright
@@ -108,14 +111,32 @@ def viewpoint(rng: np.random.Generator, kind: str, room: Room) -> View:
 def _bodies(rng: np.random.Generator, view: View, family: Family, movers: tuple[int, float, float]) -> tuple[Body, ...]:
     """The room, movers (how many, m/s, for how long), and clutter: all but the room of one family."""
     count, mover_speed, seconds = movers
-    bodies, things = [view.room.body()], list[Thing]()
+    bodies, taken = [view.room.body()], furniture(view.room)
     for _ in range(count):
-        things.append(thing := draw_thing(rng, family, view, things))
-        bodies.append(Body(thing.parts, mover_motion(rng, thing, mover_speed * math.exp(rng.normal() * 0.5), seconds)))
+        thing, speed = draw_thing(rng, family, view, taken), mover_speed * math.exp(rng.normal() * 0.5)
+        motion = _clear_way(rng, thing, speed, seconds, (view.room, taken))
+        taken.append(around(way_of(motion, min(seconds, LOOKED_AHEAD_S)), thing.half))
+        bodies.append(Body(thing.parts, motion))
     parts = sum(len(body.parts) for body in bodies)
     for _ in range(int(rng.integers(3, 9)) if rng.random() < 0.9 else int(rng.integers(0, 2))):
-        things.append(thing := draw_thing(rng, family, view, things))
+        thing = draw_thing(rng, family, view, taken)
         if (parts := parts + len(thing.parts)) > MOST_PARTS:
             break
+        taken.append(Box(thing.at, thing.half))
         bodies.append(Body(thing.placed(), clutter=True))
     return tuple(bodies)
+
+
+def _clear_way(
+    rng: np.random.Generator, thing: Thing, speed: float, seconds: float, space: tuple[Room, list[Box]]
+) -> Motion:
+    """A motion through nothing that stands there, slower where room is scarce; what is thrown away may go anywhere."""
+    room, taken = space
+    for k in range(WAYS):
+        motion = mover_motion(rng, thing, speed * SLOWER**k, seconds)
+        way = way_of(motion, seconds)
+        if isinstance(motion.moves[0], Throw):
+            return motion
+        if stays_inside(way, thing.half, room) and is_free(Box(way, thing.half), taken):
+            return motion
+    return mover_motion(rng, thing, speed * SLOWER**WAYS, seconds)

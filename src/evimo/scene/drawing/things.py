@@ -6,18 +6,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.bodies import GRATING, Part
+from evimo.scene.bodies import Part
 from evimo.scene.drawing.carriers import CARRIERS, Thing, hanging, held, on_legs, on_stick, out_of_view
 from evimo.scene.drawing.objects import compound, size_of
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.drawing.pools import Pool
 from evimo.scene.drawing.rooms import Room
+from evimo.scene.drawing.space import Box, is_free
 from evimo.scene.meshes.bank import MeshBank
 from evimo.scene.motion import random_rotation, turned
 
 F8 = NDArray[np.float64]
 NEAREST = 2.4  # times a thing's largest half size: it fills half of the picture's width there at most
-TRIES, TOUCHING = 12, 0.01  # looks for a place where nothing else is; m that boxes may overlap
+TRIES = 12  # looks for a place where nothing else is
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +43,14 @@ class Family:
     meshes: MeshBank | None = None
 
 
-def draw_thing(rng: np.random.Generator, family: Family, view: View, others: Sequence[Thing] = ()) -> Thing:
-    """One thing with what carries it, in view, nearer than the focus, and in nothing else if there is such a place."""
+def draw_thing(rng: np.random.Generator, family: Family, view: View, taken: Sequence[Box] = ()) -> Thing:
+    """One thing with what carries it, in view, nearer than the focus, and in nothing that is `taken`, if it can be."""
     how = str(rng.choice(list(CARRIERS), p=list(CARRIERS.values())))
     stands = how in ("floor", "legs")
     parts = compound(rng, family.paint, family.pool, family.meshes)
     parts = turned_parts(parts, turned(rng.uniform(0, 6.3)) if stands else random_rotation(rng))
     half = size_of(parts, family.meshes)
-    at = _free_place(rng, half, view, others, stands=stands)
+    at = _free_place(rng, half, view, taken, stands=stands)
     thing = Thing(parts, at, half, "floor" if stands else "nothing", own=len(parts))
     if how in ("hand", "stick"):
         carry = held if how == "hand" else on_stick
@@ -64,21 +65,13 @@ def turned_parts(parts: tuple[Part, ...], turn: F8) -> tuple[Part, ...]:
     return tuple(replace(part, position=turn @ part.position, rotation=turn @ part.rotation) for part in parts)
 
 
-def _free_place(rng: np.random.Generator, half: F8, view: View, others: Sequence[Thing], *, stands: bool) -> F8:
-    """A place where a box of these half sizes meets neither furniture nor another thing, or the last one tried."""
-    taken = [(part.position, np.abs(part.rotation) @ part.half) for part in _solid(view.room)]
-    taken += [(other.at, other.half) for other in others]
-    middles, halves = (np.array([pair[k] for pair in taken]).reshape(-1, 3) for k in (0, 1))
+def _free_place(rng: np.random.Generator, half: F8, view: View, taken: Sequence[Box], *, stands: bool) -> F8:
+    """A place where there is room, or the last one tried."""
     for _ in range(TRIES):
         at = _place(rng, half, view, stands=stands)
-        if not (np.abs(at - middles) < halves + half - TOUCHING).all(axis=1).any():
+        if is_free(Box(at, half), taken):
             return at
     return _place(rng, half, view, stands=stands)
-
-
-def _solid(room: Room) -> list[Part]:
-    """What stands in the room: without its walls, its floor and nets."""
-    return [part for part in room.parts if not part.inside and part.shape != GRATING and part.position[2] > 0]
 
 
 def _place(rng: np.random.Generator, half: F8, view: View, *, stands: bool) -> F8:
