@@ -52,7 +52,7 @@ def test_an_event_is_of_what_its_pixel_sees_at_its_own_time(recording):
             centre.append(piece.truth.ids[events.y[k], events.x[k]] == true)
     assert len(own) > 300
     assert 0.2 < np.mean([(piece.event_ids > 0).mean() for piece in recording]) < 0.95
-    assert np.mean(own) > 0.955
+    assert np.mean(own) > 0.955  # jitter puts some across the edge, noise is at its start
     assert np.mean(centre) < 0.9
 
 

@@ -39,8 +39,8 @@ class Pixels:
         _heat(self.state, settings, rng)
         light = first * self._lamp(np.array([start_s]))
         self.state.level[:] = np.log(light + np.float32(settings.floor)).ravel()
-        phase = rng.triangular(-1, 0, 1, number)  # of a level that has gone to and fro between the thresholds for long
-        self.state.gap[:] = 0.999 * np.where(phase > 0, phase * self.state.on, phase * self.state.off)
+        # as of levels that have wandered between the thresholds for long
+        self.state.gap[:] = 0.999 * rng.triangular(-self.state.off, 0, self.state.on)
         with np.errstate(divide="ignore"):
             wait = -np.log(rng.random(number)) / self.state.shot
         self.state.noise[:] = np.where(self.state.shot > 0, start_s + wait, NEVER)

@@ -40,6 +40,19 @@ def test_families_of_shapes_do_not_depend_on_carriers(things):
         assert odd[0] == odd[1]
 
 
+def test_what_does_not_stand_fills_at_most_half_of_the_width_where_it_is_meant_to_be(things, view):
+    """Of the picture of EV-IMO's camera: 346 px wide, f = 257.68 px."""
+    for thing in things:
+        if thing.how not in ("floor", "legs"):
+            depth = (thing.at - view.position) @ view.axes[:, 2]
+            assert 2 * thing.half.max() / depth * 257.68 < 0.51 * 346
+
+
+def test_most_of_what_stands_is_in_the_picture(things, view):
+    x, y, z = np.array([(t.at - view.position) @ view.axes for t in things if t.how in ("floor", "legs")]).T
+    assert np.mean((np.abs(x / z) < 0.67) & (np.abs(y / z) < 0.5) & (z > 0.2)) > 0.8
+
+
 def test_arms_leave_the_picture(things, view):
     for thing in carried(things, "hand"):
         sleeve = thing.placed()[-1]

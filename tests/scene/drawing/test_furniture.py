@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from evimo.scene.bodies import BOX, CYLINDER, MOST_PARTS
-from evimo.scene.drawing.furniture import Room, add_chair, add_rod, lay_floor_details, lean_ladder
+from evimo.scene.drawing.furniture import Room, add_chair, lay_floor_details, lean_ladder
+from evimo.scene.drawing.objects import rod
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.drawing.pools import POOLS
 from evimo.scene.drawing.scenes import SETS, draw_scene
@@ -25,11 +26,10 @@ def ends(part):
 @pytest.mark.parametrize("way", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-0.3, 0.5, 0.2)])
 def test_a_rod_reaches_from_one_point_to_the_other(way, room):
     start, stop = np.array([0.1, 0.2, 0.3]), np.array([0.1, 0.2, 0.3]) + way
-    add_rod(room, start, stop, 0.01, room.paint.surface(room.rng))
-    rod = room.parts[-1]
-    np.testing.assert_allclose(ends(rod), [start, stop], atol=1e-12)
-    np.testing.assert_allclose(rod.rotation @ rod.rotation.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(rod.rotation) == pytest.approx(1)
+    made = rod(start, stop, 0.01, room.paint.surface(room.rng))
+    np.testing.assert_allclose(ends(made), [start, stop], atol=1e-12)
+    np.testing.assert_allclose(made.rotation @ made.rotation.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(made.rotation) == pytest.approx(1)
 
 
 def test_a_chair_has_four_thin_legs_on_the_floor_and_one_metal(room):

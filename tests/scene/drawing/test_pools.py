@@ -79,5 +79,5 @@ def test_what_moves_in_a_long_scene_stays_near_and_keeps_its_pace(bank):
                 away = np.linalg.norm(motion.at(times).position - motion.position, axis=1)
                 assert np.sqrt((away**2).mean()) < 1
         speeds[number] = [np.linalg.norm(scene.camera.at(times).velocity, axis=1).mean() for scene in drawn]
-        assert min(speeds[number]) > 0.02
+        assert min(speeds[number]) > 0.01  # of one that turns after a mover and hardly sways
     assert np.median(speeds[3]) > 3 * np.median(speeds[4])

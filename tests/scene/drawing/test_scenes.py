@@ -1,12 +1,7 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from evimo.scene.drawing.gestures import Following
-from evimo.scene.drawing.moving import following
-from evimo.scene.drawing.scenes import FOLLOWED, SETS, draw_scene
-from evimo.scene.motion import Motion, Throw, wander
+from evimo.scene.drawing.scenes import SETS, draw_scene
 
 
 @pytest.fixture(scope="module")
@@ -36,44 +31,6 @@ def test_most_scenes_have_clutter_as_near_as_the_movers(scenes):
         clutter.append([np.linalg.norm(body.parts[0].position - eye) for body in scene.bodies if body.clutter])
     assert 0.8 < np.mean([len(bodies) >= 3 for bodies in clutter]) < 0.97
     assert np.median(np.concatenate(clutter)) == pytest.approx(np.median(near), rel=0.15)
-
-
-def aside(body, scene, time_s):
-    """Where a body's origin is in the picture of a pinhole camera with focal length 1."""
-    camera, at = scene.camera.at(time_s), body.motion.at(time_s).position
-    x, y, z = np.einsum("tij,ti->jt", camera.rotation, at - camera.position)
-    return np.stack((x / z, y / z))
-
-
-def test_cameras_that_follow_keep_a_mover_in_its_place_while_the_room_flies_by(bank):
-    time_s = np.linspace(0, 1, 21)
-    kept, still = [], []
-    for seed in range(60):
-        scene = draw_scene(np.random.default_rng((seed, 3)), replace(SETS[2], movers=(1,)), bank, seconds=1)
-        for body in scene.movers:
-            if isinstance(body.motion.moves[0], Throw):
-                continue
-            calm = replace(scene.camera, moves=(wander(np.random.default_rng(0), 1e-9, (1, 2)),), rest=None)
-            calm = replace(calm, turns=calm.moves[0])
-            followed = following(np.random.default_rng(seed), calm, [body.motion])
-            kept.append(np.ptp(aside(body, replace(scene, camera=followed), time_s), axis=1).max())
-            still.append(np.ptp(aside(body, replace(scene, camera=calm), time_s), axis=1).max())
-    assert len(kept) > 30
-    assert np.median(np.array(kept) / np.array(still)) < 0.4
-    assert np.mean(np.array(kept) < np.array(still)) > 0.85
-
-
-def test_nobody_follows_what_is_thrown_away():
-    still = wander(np.random.default_rng(0), 1e-9, (1, 2))
-    camera = Motion(np.zeros(3), np.eye(3), (still,), still)
-    thrown = Motion(np.ones(3), np.eye(3), (Throw(np.ones(3), 0.5),))
-    assert following(np.random.default_rng(1), camera, [thrown]) is camera
-
-
-def test_half_the_cameras_that_can_follow_do(scenes):
-    drawn = [scene for each in scenes.values() for scene in each if scene.movers]
-    led = [isinstance(s.camera.turns, Following) or isinstance(s.camera.moves[0], Following) for s in drawn]
-    assert FOLLOWED - 0.12 < np.mean(led) < FOLLOWED + 0.1
 
 
 def test_sets_differ_in_speed(scenes):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.scene.bodies import CYLINDER, ELLIPSOID, Part, Surface
-from evimo.scene.drawing.objects import OVERLAP, reach
+from evimo.scene.drawing.objects import OVERLAP, reach, rod
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.motion import axes_along, turned
 
@@ -19,6 +19,7 @@ BEYOND = 0.25  # m that an arm goes on out of view
 SIDES = {(0.0, 0.75): 0.5, (0.95, 0.2): 0.2, (-0.95, 0.2): 0.2, (0.0, -0.75): 0.1}
 """Where arms come from, on the plane Z = 1 of the camera, beyond what it sees: rather from below."""
 BEND = (0.03, 0.16)  # of an elbow, aside from the straight line to the shoulder, of its length
+LEGS = (0.04, 0.2)  # m, their length
 SHORTEST_STRING = 0.15  # m
 
 
@@ -49,8 +50,8 @@ def held(rng: np.random.Generator, thing: Thing, paint: Paint, shoulder: F8) -> 
     Carriers have an even number of round parts, so that families of shapes stay what they are.
     """
     away = shoulder - thing.at
-    towards = away / np.linalg.norm(away)
-    elbow = 0.5 * away + frame_along(rng, towards)[:, 0] * rng.uniform(*BEND) * np.linalg.norm(away)
+    reached = float(np.linalg.norm(away))
+    elbow = 0.5 * away + frame_along(rng, away / reached)[:, 0] * rng.uniform(*BEND) * reached
     towards = elbow / np.linalg.norm(elbow)
     far = max(thing.parts, key=lambda part: float(part.position @ towards))
     grip = far.position + OVERLAP * reach(far.shape, far.half, far.rotation.T @ towards) * towards
@@ -59,10 +60,10 @@ def held(rng: np.random.Generator, thing: Thing, paint: Paint, shoulder: F8) -> 
     bare = grip + (elbow - grip) * min(rng.uniform(0.3, 0.9), 0.25 / float(np.linalg.norm(elbow - grip)))
     axes = frame_along(rng, (elbow - grip) / np.linalg.norm(elbow - grip))
     arm = [
-        _limb(grip, bare, thick, skin),
-        _limb(bare, elbow, 1.4 * thick, sleeve),
+        rod(grip, bare, thick, skin),
+        rod(bare, elbow, 1.4 * thick, sleeve),
         Part(ELLIPSOID, np.full(3, 1.45 * thick), elbow, np.eye(3), sleeve),
-        _limb(elbow, away, 1.5 * thick, sleeve),
+        rod(elbow, away, 1.5 * thick, sleeve),
     ]
     wide = float(np.clip(reach(far.shape, far.half, far.rotation.T @ axes[:, 0]), 0.02, 0.05))
     return replace(thing, parts=(*thing.parts, *_hand(grip, axes, wide, skin), *arm), how="hand")
@@ -78,24 +79,15 @@ def _hand(grip: F8, axes: F8, wide: float, skin: Surface) -> list[Part]:
     return [Part(ELLIPSOID, np.array(half), grip + axes @ np.array(at), axes, skin) for half, at in pieces]
 
 
-def _limb(start: F8, stop: F8, thick: float, surface: Surface) -> Part:
-    """A cylinder between two points, as flat as arms are."""
-    way = stop - start
-    long = float(np.linalg.norm(way))
-    axes = axes_along(way / long)
-    return Part(CYLINDER, np.array((thick, 0.85 * thick, long / 2)), (start + stop) / 2, axes, surface)
-
-
 def on_stick(rng: np.random.Generator, thing: Thing, paint: Paint, holder: F8) -> Thing:
     """On a thin stick that someone holds at `holder` (3,) in the world, as puppets are."""
-    towards = (holder - thing.at) / float(np.linalg.norm(holder - thing.at))
-    surface, thin = paint.surface(rng, plain=0.9), rng.uniform(0.004, 0.009)
-    axes, long = frame_along(rng, towards), float(np.linalg.norm(holder - thing.at)) / 2
+    towards = (holder - thing.at) / np.linalg.norm(holder - thing.at)
+    surface, thin = paint.surface(rng, plain=0.9), float(rng.uniform(0.004, 0.009))
     near = min(thing.parts, key=lambda part: float(np.linalg.norm(part.position)))
-    tip = near.position + axes[:, 2] * reach(near.shape, near.half, near.rotation.T @ axes[:, 2])
-    rod = Part(CYLINDER, np.array((thin, thin, long)), near.position + axes[:, 2] * long, axes, surface)
-    collar = Part(CYLINDER, np.array((2.5 * thin, 2.5 * thin, 0.012)), tip, axes, surface)
-    return replace(thing, parts=(*thing.parts, rod, collar), how="stick")
+    tip = near.position + towards * reach(near.shape, near.half, near.rotation.T @ towards)
+    stick = rod(near.position, near.position + holder - thing.at, thin, surface)
+    collar = rod(tip - 0.012 * towards, tip + 0.012 * towards, 2.5 * thin, surface)
+    return replace(thing, parts=(*thing.parts, stick, collar), how="stick")
 
 
 def hanging(rng: np.random.Generator, thing: Thing, paint: Paint, ceiling: float) -> Thing:
@@ -110,10 +102,10 @@ def hanging(rng: np.random.Generator, thing: Thing, paint: Paint, ceiling: float
     return replace(thing, parts=(*thing.parts, string, knot), how="string", string=length)
 
 
-def on_legs(rng: np.random.Generator, thing: Thing, paint: Paint) -> Thing:
-    """On two or four thin legs; it is raised by them."""
+def on_legs(rng: np.random.Generator, thing: Thing, paint: Paint, long: float) -> Thing:
+    """On two or four thin legs `long` below it, m."""
     half, surface = thing.half, paint.surface(rng, plain=0.8)
-    long, thin = rng.uniform(0.04, 0.2), rng.uniform(0.003, 0.01)
+    thin = rng.uniform(0.003, 0.01)
     corners = ((-1, -1), (1, 1)) if rng.random() < 0.3 else ((-1, -1), (1, 1), (1, -1), (-1, 1))
     rise = 0.5 * half[2]  # how far legs reach into it
     legs = [
@@ -126,7 +118,7 @@ def on_legs(rng: np.random.Generator, thing: Thing, paint: Paint) -> Thing:
         )
         for x, y in corners
     ]
-    return replace(thing, parts=(*thing.parts, *legs), at=thing.at + (0, 0, long), how="legs")
+    return replace(thing, parts=(*thing.parts, *legs), how="legs")
 
 
 def frame_along(rng: np.random.Generator, way: F8) -> F8:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.bodies import BOX, CYLINDER, Body, Part, Surface
+from evimo.scene.bodies import BOX, Body, Part
+from evimo.scene.drawing.objects import rod
 from evimo.scene.drawing.paint import Paint
-from evimo.scene.motion import axes_along, turned
+from evimo.scene.motion import turned
 
 F8 = NDArray[np.float64]
 
@@ -46,14 +47,6 @@ class Room:
         return Body(tuple(self.parts))
 
 
-def add_rod(room: Room, start: F8, stop: F8, thick: float, surface: Surface) -> None:
-    """A thin cylinder between two points."""
-    way = stop - start
-    length = float(np.linalg.norm(way))
-    half = (thick, thick, length / 2)
-    room.add(CYLINDER, (start + stop) / 2, half, rotation=axes_along(way / length), surface=surface)
-
-
 def lay_floor_details(room: Room) -> None:
     """A rug, lines of tape and cables."""
     rng = room.rng
@@ -76,7 +69,7 @@ def _cable(room: Room) -> None:
     for _ in range(int(rng.integers(3, 7))):
         way += rng.normal() * 0.5
         following = point + rng.uniform(0.12, 0.35) * np.array([math.cos(way), math.sin(way), 0.0])
-        add_rod(room, point, following, thick, surface)
+        room.parts.append(rod(point, following, thick, surface))
         point = following
 
 
@@ -90,7 +83,7 @@ def add_chair(room: Room, at: F8) -> None:
     room.add(BOX, middle + turn @ np.array([0, half, seat + 0.28]), (half, 0.012, 0.17), rotation=turn, surface=cloth)
     for x, y in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
         foot = middle + turn @ np.array([0.9 * x * half, 0.9 * y * half, 0.0])
-        add_rod(room, foot, foot + (0, 0, seat + (0.45 if y > 0 else 0.0)), thick, metal)
+        room.parts.append(rod(foot, foot + (0, 0, seat + (0.45 if y > 0 else 0.0)), thick, metal))
 
 
 def lean_ladder(room: Room) -> None:
@@ -104,9 +97,9 @@ def lean_ladder(room: Room) -> None:
         return np.array([x + side * wide, y - lean * (1 - share), high * share])
 
     for side in (-1, 1):
-        add_rod(room, rail(side, 0.0), rail(side, 1.0), thick, surface)
+        room.parts.append(rod(rail(side, 0.0), rail(side, 1.0), thick, surface))
     for share in np.arange(0.14, 1.0, 0.28 / high):
-        add_rod(room, rail(-1, share), rail(1, share), 0.7 * thick, surface)
+        room.parts.append(rod(rail(-1, share), rail(1, share), 0.7 * thick, surface))
 
 
 def hang_on_walls(room: Room, most: int) -> None:

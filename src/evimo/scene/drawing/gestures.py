@@ -66,19 +66,21 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class Following:
-    """A curve, and on top of it how far something else has gone from its mean position.
+    """A curve, and on top of it where something else is, seen from `leader.position`.
 
-    by: (3, 3), from that displacement in the world, m, to what is added to the curve.
+    Both go by the same clock: not for a `Motion` that rests.
+    from_world: (3, 3), from that displacement in the world, m, to what is added to the curve.
     """
 
     curve: Curve
     leader: Motion
-    by: F8
+    from_world: F8
 
     def __call__(self, time_s: F8) -> tuple[F8, F8]:
         """Value and rate at each time."""
         (value, rate), leader = self.curve(time_s), self.leader.at(time_s)
-        return value + (leader.position - self.leader.position) @ self.by.T, rate + leader.velocity @ self.by.T
+        gone = leader.position - self.leader.position
+        return value + gone @ self.from_world.T, rate + leader.velocity @ self.from_world.T
 
 
 def pendulum(rng: np.random.Generator, length: float, speed: float, *, zero_s: float) -> Swing:

@@ -1,6 +1,7 @@
 """How the camera and the movers of a scene move: drawn at random, by what carries them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,20 +9,23 @@ from numpy.typing import NDArray
 
 from evimo.scene.drawing.carriers import Thing
 from evimo.scene.drawing.gestures import Following, Toss, level, pendulum, trembling, upright
-from evimo.scene.motion import Curve, Motion, Pauses, Rest, Throw, Wander, wander
+from evimo.scene.motion import Curve, Motion, Pauses, Rest, Throw, Wander, cross_matrix, wander
 
 F8 = NDArray[np.float64]
 
 STATIC_CAMERA, PAUSED_CAMERA, RESTING_MOVER, STILL_MOVER = 0.06, 0.1, 0.2, 0.04
 CAMERA_TREMOR, HAND_TREMOR = 0.4, 0.8  # shares
 THROWN = 0.25  # of what nothing carries
-FOREVER = 1e4
 SPINS, HAND_SPINS = (0.2, 0.7, 2.2), (0.1, 0.4, 1.0)  # rad/s, rms
 LONG_S = 2.0  # from here on a scene is held together, or what moves in it would be gone for most of the time
 REACH, TURN = 0.2, 0.15  # m and rad: root mean square of excursions in such a scene
 PAUSE_EVERY_S = 5.0  # in a long scene, of what pauses
 SUDDEN_S = (0.005, 0.1)  # to a stop
-KEPT_UP = (0.6, 1.1)  # how much of a mover's way a camera that follows it makes up for
+FOLLOWED, CALM = 0.5, 0.15  # share of cameras that follow a mover, if they can; how much of their own motion they keep
+KEPT_UP = (0.6, 1.0)  # how much of a mover's way they make up for
+
+
+Curves = tuple[Curve, Curve]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,42 +37,50 @@ class Pace:
     mover: float
 
 
-def camera_motion(rng: np.random.Generator, pose: tuple[F8, F8], pace: Pace, seconds: float) -> Motion:
-    """Hand-held: it sways and turns, often trembles, sometimes pauses, or stands still for all of a short scene."""
+def camera_motion(
+    rng: np.random.Generator, pose: tuple[F8, F8], pace: Pace, seconds: float, *, movers: Sequence[Motion] = ()
+) -> Motion:
+    """Hand-held: it sways and turns, often trembles; it follows a mover, or sometimes pauses or stands still.
+
+    Nobody follows what is thrown away or stands still. Who follows sways less, and does not pause.
+    """
+    leaders = [mover for mover in movers if mover.moves and not is_thrown_away(mover)]
+    follows = bool(leaders) and rng.random() < FOLLOWED
+    calm = CALM if follows else 1.0
     zero_s, long = float(rng.uniform(0, seconds)), seconds >= LONG_S
-    moves = wander(rng, pace.camera, _band((0.2, 2.5), pace.camera, REACH, long=long), zero_s=zero_s)
-    turns = wander(rng, pace.turning, _band((0.3, 3.0), pace.turning, TURN, long=long), zero_s=zero_s)
+    sway, turning = calm * pace.camera, calm * pace.turning
+    moves = wander(rng, sway, _band((0.2, 2.5), sway, REACH, long=long), zero_s=zero_s)
+    turns = wander(rng, turning, _band((0.3, 3.0), turning, TURN, long=long), zero_s=zero_s)
     if rng.random() < CAMERA_TREMOR:
         moves = trembling(rng, moves, rng.uniform(0.01, 0.08))
         turns = trembling(rng, turns, rng.uniform(0.01, 0.12))
+    if follows:
+        leader = leaders[rng.integers(len(leaders))]
+        moves, turns = following(pose, (moves, turns), leader, rng.uniform(*KEPT_UP), pan=rng.random() < 0.5)
+        return Motion(*pose, (moves,), turns)
     rest = None
     if (chance := rng.random()) < STATIC_CAMERA and not long:
-        rest = Rest(-FOREVER, FOREVER, 0.1)
-    elif chance < STATIC_CAMERA + PAUSED_CAMERA:
+        return Motion(*pose)
+    if chance < STATIC_CAMERA + PAUSED_CAMERA:
         rest = _pauses(rng, seconds)
     return Motion(*pose, (moves,), turns, rest)
 
 
-def following(rng: np.random.Generator, camera: Motion, movers: list[Motion]) -> Motion:
-    """The camera's motion if it follows a mover, turning after it or going along: what stands still flies by.
+def following(camera: tuple[F8, F8], curves: Curves, leader: Motion, share: float, *, pan: bool) -> Curves:
+    """A camera's moves and turns with a share of what keeps `leader` in its place: turning after it, or going along.
 
-    Nobody follows what is thrown out of reach.
+    camera: mean position (3,) and axes (3, 3) as columns.
     """
-    within_reach = [mover for mover in movers if not isinstance(mover.moves[0], Throw)]
-    if not within_reach:
-        return camera
-    mover, share = within_reach[rng.integers(len(within_reach))], float(rng.uniform(*KEPT_UP))
-    (moves,), turns = camera.moves, camera.turns
-    assert turns is not None
-    if rng.random() < 0.5:
-        moves = Following(moves, mover, share * np.eye(3))
-    else:
-        distance = (mover.position - camera.position) @ camera.rotation[:, 2]
-        aside = np.array(
-            [[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]
-        )  # right: about the axis that points down; down: to the left
-        turns = Following(turns, mover, share / distance * aside @ camera.rotation.T)
-    return Motion(camera.position, camera.rotation, (moves,), turns)
+    (position, axes), (moves, turns) = camera, curves
+    if not pan:
+        return Following(moves, leader, share * np.eye(3)), turns
+    seen = axes.T @ (leader.position - position)
+    return moves, Following(turns, leader, share * cross_matrix(seen) / (seen @ seen) @ axes.T)
+
+
+def is_thrown_away(motion: Motion) -> bool:
+    """Whether nobody catches it again."""
+    return any(isinstance(curve, Throw) for curve in motion.moves)
 
 
 def mover_motion(rng: np.random.Generator, thing: Thing, speed: float, seconds: float) -> Motion:
@@ -77,8 +89,8 @@ def mover_motion(rng: np.random.Generator, thing: Thing, speed: float, seconds: 
     moves, turns = _CARRIED[thing.how](rng, thing, speed, zero_s, seconds >= LONG_S)
     rest = None
     if (chance := rng.random()) < STILL_MOVER and seconds < LONG_S:
-        rest = Rest(-FOREVER, FOREVER, 0.1)
-    elif chance < STILL_MOVER + RESTING_MOVER:
+        return Motion(thing.at, np.eye(3))
+    if chance < STILL_MOVER + RESTING_MOVER:
         rest = _pauses(rng, seconds)
     return Motion(thing.at, np.eye(3), (moves,), turns, rest)
 

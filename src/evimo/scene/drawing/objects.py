@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, MESH, Part
+from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, MESH, Part, Surface
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.drawing.pools import Pool
 from evimo.scene.meshes.bank import MeshBank
-from evimo.scene.motion import random_rotation
+from evimo.scene.motion import axes_along, random_rotation
 
 F8 = NDArray[np.float64]
 SMALLEST, LARGEST = 0.1, 0.3  # overall length, m: the scans of EV-IMO's objects reach 0.12 to 0.26
@@ -76,6 +76,13 @@ def reach(shape: int, half: F8, way: F8) -> float:
     if shape in (ELLIPSOID, MESH):  # of a mesh, a guess
         return float(1 / np.linalg.norm(way / half))
     return float(1 / max(np.hypot(way[0] / half[0], way[1] / half[1]), abs(way[2]) / half[2]))
+
+
+def rod(start: F8, stop: F8, thick: float, surface: Surface) -> Part:
+    """A cylinder of radius `thick` m from `start` to `stop`, (3,) each."""
+    way = stop - start
+    long = float(np.linalg.norm(way))
+    return Part(CYLINDER, np.array((thick, thick, long / 2)), (start + stop) / 2, axes_along(way / long), surface)
 
 
 def size_of(parts: tuple[Part, ...], meshes: MeshBank | None = None) -> F8:

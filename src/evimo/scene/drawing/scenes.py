@@ -1,6 +1,7 @@
 """Draw a whole scene from a seed: a set of the paper's table, or any of them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,23 +9,22 @@ from numpy.typing import NDArray
 
 from evimo.scene.bodies import MOST_PARTS, Body, Scene
 from evimo.scene.drawing.carriers import Thing
-from evimo.scene.drawing.moving import Pace, camera_motion, following, mover_motion
+from evimo.scene.drawing.moving import Pace, camera_motion, is_thrown_away, mover_motion
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.drawing.pools import Pool
 from evimo.scene.drawing.rooms import ELEVATION, Room, furnished, net_in_front
-from evimo.scene.drawing.space import Box, around, furniture, is_free, stays_inside, way_of
+from evimo.scene.drawing.space import Box, around, boxes_of, is_free, stays_inside, stays_on_stage, way_of
 from evimo.scene.drawing.things import Family, View, draw_thing
 from evimo.scene.meshes.bank import NO_MESHES, MeshBank
-from evimo.scene.motion import Motion, Throw, looking_at, rotation_from_vector
+from evimo.scene.motion import Motion, looking_at, rotation_from_vector
 from evimo.scene.textures.bank import TextureBank
 
 F8 = NDArray[np.float64]
 
 NO_MOVERS, NETTED = 0.18, 0.08
 BUSY = 0.45  # share of scenes with a dense, fast background and slow, rather plain things: they fire least
-WAYS, SLOWER = 14, 0.92  # tried for a mover that passes through nothing, each so much slower
+WAYS, SLOWER = 20, 0.93  # tried for a mover that passes through nothing, each so much slower
 LOOKED_AHEAD_S = 2.0  # of its way that clutter keeps clear of
-FOLLOWED = 0.5  # share of scenes whose camera follows a mover
 DIFFUSE, LAMP = 0.2, (0.01, 0.15)  # share of scenes without shadows; angular radius of the light in the others, rad
 TILT = (0.08, 0.08, 0.1)  # rad, of the camera away from looking at its focus upright
 ROOM_PERIOD, THING_PERIOD = (0.4, 3.0), (0.1, 0.6)  # m, of textures
@@ -82,9 +82,8 @@ def draw_scene(
     count = 0 if rng.random() < NO_MOVERS and not pool else int(rng.choice(style.movers))
     bodies = _bodies(rng, view, Family(things, pool, meshes), (count, pace.mover, seconds))
     light = rng.normal(size=3) + (0, 0, 1.5)
-    camera = camera_motion(rng, (view.position, view.axes), pace, seconds)
-    if rng.random() < FOLLOWED:
-        camera = following(rng, camera, [body.motion for body in bodies if body.motion])
+    moving = [body.motion for body in bodies if body.motion is not None]
+    camera = camera_motion(rng, (view.position, view.axes), pace, seconds, movers=moving)
     way, ambient = light / np.linalg.norm(light), float(rng.uniform(0.3, 0.8))
     lamp = 0.0 if rng.random() < DIFFUSE else math.exp(rng.uniform(*np.log(LAMP)))
     return Scene(bodies, camera, way, ambient, bank, meshes=NO_MESHES if meshes is None else meshes, lamp=lamp)
@@ -111,11 +110,12 @@ def viewpoint(rng: np.random.Generator, kind: str, room: Room) -> View:
 def _bodies(rng: np.random.Generator, view: View, family: Family, movers: tuple[int, float, float]) -> tuple[Body, ...]:
     """The room, movers (how many, m/s, for how long), and clutter: all but the room of one family."""
     count, mover_speed, seconds = movers
-    bodies, taken = [view.room.body()], furniture(view.room)
+    bodies, taken = [view.room.body()], boxes_of(view.room)
     for _ in range(count):
         thing, speed = draw_thing(rng, family, view, taken), mover_speed * math.exp(rng.normal() * 0.5)
-        motion = _clear_way(rng, thing, speed, seconds, (view.room, taken))
-        taken.append(around(way_of(motion, min(seconds, LOOKED_AHEAD_S)), thing.half))
+        motion = clear_motion(rng, thing, speed, seconds, room=view.room, taken=taken)
+        if not is_thrown_away(motion):
+            taken.append(around(way_of(motion, min(seconds, LOOKED_AHEAD_S)), thing.half))
         bodies.append(Body(thing.parts, motion))
     parts = sum(len(body.parts) for body in bodies)
     for _ in range(int(rng.integers(3, 9)) if rng.random() < 0.9 else int(rng.integers(0, 2))):
@@ -127,16 +127,24 @@ def _bodies(rng: np.random.Generator, view: View, family: Family, movers: tuple[
     return tuple(bodies)
 
 
-def _clear_way(
-    rng: np.random.Generator, thing: Thing, speed: float, seconds: float, space: tuple[Room, list[Box]]
+def clear_motion(
+    rng: np.random.Generator, thing: Thing, speed: float, seconds: float, *, room: Room, taken: Sequence[Box]
 ) -> Motion:
-    """A motion through nothing that stands there, slower where room is scarce; what is thrown away may go anywhere."""
-    room, taken = space
-    for k in range(WAYS):
-        motion = mover_motion(rng, thing, speed * SLOWER**k, seconds)
+    """A mover's motion of one kind, by other and slower ways until one is clear and leaves no table, or the last.
+
+    What is thrown away may go anywhere. room: whose walls and stage hold it. taken: what stands in its way.
+    """
+    motion = drawn = mover_motion(rng, thing, speed, seconds)
+    for k in range(1, WAYS):
         way = way_of(motion, seconds)
-        if isinstance(motion.moves[0], Throw):
-            return motion
-        if stays_inside(way, thing.half, room) and is_free(Box(way, thing.half), taken):
-            return motion
-    return mover_motion(rng, thing, speed * SLOWER**WAYS, seconds)
+        clear = is_free(Box(way, thing.half), taken) and stays_inside(way, thing.half, room)
+        rests = thing.how not in ("floor", "legs") or stays_on_stage(way, room)
+        if is_thrown_away(drawn) or (clear and rests):
+            break
+        other = mover_motion(rng, thing, speed * SLOWER**k, seconds)
+        motion = other if _kind_of(other) == _kind_of(drawn) else motion
+    return motion
+
+
+def _kind_of(motion: Motion) -> tuple[bool, bool, type]:
+    return is_thrown_away(motion), bool(motion.moves), type(motion.rest)

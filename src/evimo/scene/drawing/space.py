@@ -12,6 +12,7 @@ from evimo.scene.motion import Motion
 
 F8 = NDArray[np.float64]
 TOUCHING = 0.01  # m that boxes may overlap
+FLAT = 0.03  # m: tape, cables and rugs are no higher
 STEP_S = 0.05  # between looks at what moves
 
 
@@ -22,10 +23,11 @@ class Box(NamedTuple):
     half: F8
 
 
-def furniture(room: Room) -> list[Box]:
-    """Around all that stands in a room; walls, floor and nets have none."""
-    solid = [part for part in room.parts if not part.inside and part.shape != GRATING and part.position[2] > 0]
-    return [Box(part.position, np.abs(part.rotation) @ part.half) for part in solid]
+def boxes_of(room: Room) -> list[Box]:
+    """Around all that stands in a room; walls, nets and what is flat on the floor have none."""
+    solid = [part for part in room.parts if not part.inside and part.shape != GRATING]
+    boxes = [Box(part.position, np.abs(part.rotation) @ part.half) for part in solid]
+    return [box for box in boxes if box.middle[2] + box.half[2] > FLAT]
 
 
 def is_free(box: Box, taken: Sequence[Box]) -> bool:
@@ -54,3 +56,8 @@ def stays_inside(way: F8, half: F8, room: Room) -> bool:
     low, high = box.middle - box.half, box.middle + box.half
     ends = np.array([room.half * (-1, -1, 0), room.half * (1, 1, 2)])
     return bool((low > ends[0] - TOUCHING).all() and (high < ends[1] + TOUCHING).all())
+
+
+def stays_on_stage(way: F8, room: Room) -> bool:
+    """Whether its middle stays above what things stand on in a room."""
+    return bool((way[:, :2] >= room.stage[0]).all() and (way[:, :2] <= room.stage[1]).all())
