@@ -110,7 +110,7 @@ def is_thin(part):
 
 
 def test_hardly_a_mover_passes_through_anything_within_a_second(scenes):
-    """One in twelve, of which most meet arms; one in four, were their first motion and place taken."""
+    """One in twelve; one in five before ways were looked for."""
     dice, passing = np.random.default_rng(0).uniform(-0.9, 0.9, (60, 3)), []
     for scene in scenes:
         static = [part for body in scene.bodies if body.motion is None for part in body.parts]
