@@ -21,7 +21,7 @@ LONG_S = 2.0  # from here on a scene is held together, or what moves in it would
 REACH, TURN = 0.2, 0.15  # m and rad: root mean square of excursions in such a scene
 PAUSE_EVERY_S = 5.0  # in a long scene, of what pauses
 SUDDEN_S = (0.005, 0.1)  # to a stop
-FOLLOWED, CALM = 0.5, 0.15  # share of cameras that follow a mover, if they can; how much of their own motion they keep
+FOLLOWED, CALM = 0.5, 0.4  # share of cameras that follow a mover, if they can; how much of their own motion they keep
 KEPT_UP = (0.6, 1.0)  # how much of a mover's way they make up for
 
 
