@@ -50,3 +50,18 @@ def small_scene(bank: TextureBank) -> Scene:
     )
     eye = Motion(np.zeros(3), np.eye(3), (wander(rng, 0.3, (0.5, 2)),), wander(rng, 0.8, (0.5, 2)))
     return Scene((room, *movers, clutter), eye, np.array([0.6, 0.0, -0.8]), 0.5, bank)
+
+
+@pytest.fixture(scope="session")
+def within():
+    """Tells which points (N, 3) are well inside a part."""
+
+    def inside(part, points):
+        along = np.abs((points - part.position) @ part.rotation) / part.half
+        if part.shape == ELLIPSOID:
+            return (along**2).sum(axis=1) < 0.9
+        if part.shape == CYLINDER:
+            return (along[:, 0] ** 2 + along[:, 1] ** 2 < 0.9) & (along[:, 2] < 0.95)
+        return (along < 0.95).all(axis=1)
+
+    return inside

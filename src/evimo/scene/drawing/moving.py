@@ -24,7 +24,6 @@ SUDDEN_S = (0.005, 0.1)  # to a stop
 FOLLOWED, CALM = 0.5, 0.4  # share of cameras that follow a mover, if they can; how much of their own motion they keep
 KEPT_UP = (0.6, 1.0)  # how much of a mover's way they make up for
 
-
 Curves = tuple[Curve, Curve]
 
 
