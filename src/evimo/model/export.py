@@ -7,9 +7,11 @@ import warnings
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import onnx
 import onnxruntime
 import torch
+from onnx import helper, numpy_helper
 from torch import Tensor, nn
 
 from evimo.model.evidence import CHANNELS, Evidence
@@ -17,6 +19,7 @@ from evimo.model.motion_net import MotionNet
 
 INPUTS = ("image", "evidence", "valid", "intrinsics")
 OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
+HALVED_FROM = 1024  # elements of a weight that is stored in half precision
 
 
 class Deployed(nn.Module):
@@ -70,7 +73,7 @@ def export(model: MotionNet, path: Path) -> None:
             output_names=list(OUTPUTS),
             dynamic_axes=free | {"evidence": {2: "cells_high", 3: "cells_wide"}},
         )
-        proto = folded(traced)
+        proto = halved(folded(traced))
     facts = {"config": asdict(config), "stride": config.stride, "evidence_reduction": config.evidence_reduction}
     for key, value in facts.items():
         entry = proto.metadata_props.add()
@@ -89,3 +92,18 @@ def folded(traced: Path) -> onnx.ModelProto:
     options.optimized_model_filepath = str(traced.with_name("folded.onnx"))
     onnxruntime.InferenceSession(str(traced), options, providers=["CPUExecutionProvider"])
     return onnx.load(options.optimized_model_filepath)
+
+
+def halved(proto: onnx.ModelProto) -> onnx.ModelProto:
+    """The same graph with its large weights stored in half precision and cast as it is loaded: half the file."""
+    graph, casts = proto.graph, list[onnx.NodeProto]()
+    for tensor in graph.initializer:
+        values = numpy_helper.to_array(tensor)
+        if values.dtype == np.float32 and values.size >= HALVED_FROM:
+            name = tensor.name
+            tensor.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}.half"))
+            casts.append(helper.make_node("Cast", [f"{name}.half"], [name], to=onnx.TensorProto.FLOAT))
+    nodes = [*casts, *graph.node]
+    del graph.node[:]
+    graph.node.extend(nodes)
+    return proto
