@@ -1,6 +1,6 @@
 """Event IoU on the thrown ball of EED "what is background", beside the trivial answers.
 
-    python bench/eed.py FOLDER [--model tiny] [--calibration FILE] [--save out/eed.json]
+    python bench/eed.py FOLDER [--model small] [--calibration FILE] [--save out/eed.json]
 
 FOLDER holds the .es file and ball_circle_gt.csv. An event moves if it lies within the circle's radius + 3 px at the
 event's own time. A threshold "tuned on this clip" is an oracle: the baseline that a model has to beat there.
@@ -54,7 +54,7 @@ def main() -> None:
     """Parse, score, print, save."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--model", default="tiny")
+    parser.add_argument("--model", default="small")
     parser.add_argument("--calibration", type=Path)
     parser.add_argument("--save", type=Path, help="write the rows as JSON")
     options = parser.parse_args()

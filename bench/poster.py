@@ -1,6 +1,6 @@
 """Share of events and pixels called moving in clips where nothing moves by itself; should be under 10 %.
 
-    python bench/poster.py CLIP... [--model tiny]
+    python bench/poster.py CLIP... [--model small]
 
 CLIP: any recording without movers, such as DAVIS240C poster_translation, whose only motion is the camera's.
 """
@@ -40,7 +40,7 @@ def main() -> None:
     """Parse, score, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clips", type=Path, nargs="+")
-    parser.add_argument("--model", default="tiny")
+    parser.add_argument("--model", default="small")
     parser.add_argument("--calibration", type=Path)
     options = parser.parse_args()
     heads = ("clip", "slices", "events called moving ↓", "pixels called moving ↓", "under 10 %")

@@ -1,6 +1,6 @@
 """What is called moving where the camera stands still: there, events come from what moves and from noise alone.
 
-    python bench/road.py CLIP... [--model tiny]
+    python bench/road.py CLIP... [--model small]
 
 CLIP: a recording whose camera stands still, such as davis346_road. Where events crowd, something moves, and all within
 8 px of a crowd may belong to it; everywhere else nothing moves. A crowd is 6 events on 4 pixels or more within 7x7 px
@@ -69,7 +69,7 @@ def main() -> None:
     """Parse, score, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clips", type=Path, nargs="+")
-    parser.add_argument("--model", default="tiny")
+    parser.add_argument("--model", default="small")
     parser.add_argument("--calibration", type=Path)
     options = parser.parse_args()
     heads = ("clip", "slices", "crowded events called moving ↑", "others ↓", "pixels far from crowds ↓")

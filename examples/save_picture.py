@@ -16,7 +16,7 @@ seconds = float(sys.argv[3]) if len(sys.argv) > 3 else 1.0
 
 recording = evimo.open_events(path)
 panels = Panels(recording.sensor)
-for estimate in evimo.run(recording, model="tiny", stop_s=seconds):  # every slice, for the curves of camera motion
+for estimate in evimo.run(recording, model="small", stop_s=seconds):  # every slice, for the curves of camera motion
     events = joined(list(recording.packets(estimate.start_us, estimate.stop_us)))
     image = panels.draw(estimate, events, time_origin_us=recording.start_us)
 save_picture(image, picture)

@@ -1,6 +1,6 @@
 """Moving objects, depth and motion from the events of one moving event camera.
 
-    for estimate in evimo.run(evimo.open_events("recording.aedat4"), model="tiny"):
+    for estimate in evimo.run(evimo.open_events("recording.aedat4"), model="small"):
         print(estimate.t_us, [moving.box for moving in estimate.objects])
 
 The public names are those of `__all__`; each is imported when it is first used.

@@ -24,13 +24,13 @@ WIDTH = 150
 
 
 def evaluate(
-    *paths: Path, model: str = "tiny", out: Path | None = None, density_threshold: float = DENSITY_THRESHOLD
+    *paths: Path, model: str = "small", out: Path | None = None, density_threshold: float = DENSITY_THRESHOLD
 ) -> None:
     """Score a model on simulated recordings, beside the trivial answers.
 
     Args:
         paths: recordings, folders or .npz files, or folders that hold them.
-        model: tiny, or the path of an ONNX file.
+        model: a preset, or the path of an ONNX file.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
         density_threshold: times the mean event density, for that baseline; tuned on other recordings.

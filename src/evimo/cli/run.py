@@ -23,7 +23,7 @@ SHORT_S = 60.0  # of recording: below it the maps are written unless told otherw
 def run(
     recording: Path,
     *,
-    model: str = "tiny",
+    model: str = "small",
     calibration: Path | None = None,
     sensor: str | None = None,
     out: Path | None = None,

@@ -13,24 +13,24 @@ if TYPE_CHECKING:
 
 def train(
     *data: Path,
-    preset: str = "tiny",
+    preset: str = "small",
     out: Path,
     recipe: str = "shipped",
     steps: int = 4000,
     batch: int = 8,
-    learning_rate: float = 3e-3,
+    learning_rate: float = 2e-3,
     seed: int = 0,
     device: str = "cpu",
     threads: int | None = None,
 ) -> None:
     """Train on simulated recordings; the same command again goes on where it stopped.
 
-    Leaves `model.safetensors` (averaged weights with their configuration), `model.onnx` (to run) and `log.csv` in the
-    output folder. Each recording is brought into its rectified image once, in a folder inside it.
+    Leaves `model.safetensors` (averaged weights with their configuration), `model.onnx` with `model.first.onnx` (to
+    run) and `log.csv` in the output folder. Each recording is brought into its rectified image once, in a folder inside it.
 
     Args:
         data: folders of recordings made by `evimo simulate`.
-        preset: a shape to start afresh, `tiny` or `base`, or a .safetensors file to train further.
+        preset: a shape to start afresh, `base`, `small` or `tiny`, or a .safetensors file to train further.
         out: folder of the run.
         recipe: `shipped` (supervised by the simulator) or `paper` (its losses only).
         steps: batches.

@@ -1,35 +1,46 @@
-"""The depth network: one slice in, relative depth at every scale out."""
+"""The depth network: one slice in, relative depth out."""
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from evimo.model.backbone import Encoder, before_convolution, decoding_layers, enlarged
+from evimo.events.stack import BINS, FIT_FEATURES, SLICES
+from evimo.model.backbone import EvenlyCascaded
 from evimo.model.presets import ModelConfig
+
+_CHANNELS = 2 * BINS
+_FIRST = 2 * BINS * (SLICES // 2)
+_FITS = 2 * FIT_FEATURES
 
 
 class DepthNet(nn.Module):
-    """log depth, refined from coarse to fine: each scale adds to the enlarged prediction of the one before."""
+    """log depth from the middle slice alone (paper, overview), refined from coarse to fine."""
 
-    def __init__(self, config: ModelConfig, channels: int) -> None:
+    def __init__(self, config: ModelConfig) -> None:
         super().__init__()
-        hidden, growth, layers, scale = config.hidden // 2, config.growth // 2, config.layers, config.scale
-        self.scale = scale
-        self.encoder = Encoder(channels, hidden=hidden, growth=growth, layers=layers, scale=scale)
-        self.decoder = decoding_layers(hidden=hidden, growth=growth, layers=layers, scale=scale)
-        self.heads = nn.ModuleList(before_convolution(hidden + k * growth, 1) for k in reversed(range(layers)))
+        self.network = EvenlyCascaded(
+            _CHANNELS,
+            _FITS + 1 + 2,
+            1,
+            hidden=config.depth_hidden,
+            growth=config.depth_growth,
+            layers=config.first_layers,
+        )
 
-    def forward(self, image: Float[Tensor, "B C H W"]) -> list[Tensor]:
-        """log of the relative depth, (B, 1, h, w), from the coarsest to the finest scale (half the image)."""
-        *skips, features = self.encoder(image)
-        prediction, scales = None, []
-        for layer, head, skip in zip(self.decoder, self.heads, reversed(skips), strict=True):
-            if prediction is not None:
-                prediction = enlarged(prediction, self.scale)
-            features = layer(features, skip)
-            if prediction is not None:  # the paper merges the running prediction into the features
-                features = torch.cat((features[:, :1] + prediction, features[:, 1:]), dim=1)
-            residue = head(features)
-            prediction = residue if prediction is None else prediction + residue
-            scales.append(prediction)
+    def forward(
+        self,
+        voxels: Float[Tensor, "B 30 H W"],
+        fits: Float[Tensor, "B 24 h w"],
+        valid: Float[Tensor, "B 1 h w"],
+        grid: Float[Tensor, "B 2 h w"],
+    ) -> list[Tensor]:
+        """log of the relative depth, (B, 1, h, w), from the coarsest to the finest scale (half the input's).
+
+        Args:
+            voxels, fits: of a stack; what other slices hold is not looked at.
+            valid: share of the pixel that the lens sees.
+            grid: coordinates of each pixel on the plane Z = 1.
+        """
+        middle = voxels[:, _FIRST : _FIRST + _CHANNELS]
+        scales = self.network(middle, torch.cat((fits[:, :_FITS], valid, grid), dim=1))
         return [3 * torch.tanh(scale / 3) for scale in scales]  # depths within a factor of 20 of the mean

@@ -1,4 +1,4 @@
-"""A trained model to one ONNX graph: geometry and mixture inside, any image size, no torch to run it."""
+"""A trained model to two ONNX graphs, one for each pass: any image size, no torch to run them."""
 
 import json
 import os
@@ -14,68 +14,97 @@ import torch
 from onnx import helper, numpy_helper
 from torch import Tensor, nn
 
-from evimo.model.evidence import CHANNELS, Evidence
+from evimo.events.stack import FITS, VOXELS
 from evimo.model.motion_net import MotionNet
+from evimo.model.second_pass import Compensation
+from evimo.model.weights import first_pass_beside
 
-INPUTS = ("image", "evidence", "valid", "intrinsics")
-OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
+FIRST_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation")
+FIRST_OUTPUTS = ("rel_depth", "ego", "flow", "rigid")
+SECOND_INPUTS = (*FIRST_INPUTS, "taken_ego", "taken_depth", "taken_rigid", "taken_seen")
+SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 HALVED_FROM = 1024  # elements of a weight that is stored in half precision
 
 
-class Deployed(nn.Module):
-    """The finest scale of a model, at half the size of the frames."""
+class First(nn.Module):
+    """The first pass, inputs and outputs in the order of `FIRST_INPUTS` and `FIRST_OUTPUTS`."""
 
     def __init__(self, model: MotionNet) -> None:
         super().__init__()
         self.model = model
 
-    def forward(self, image: Tensor, evidence: Tensor, valid: Tensor, intrinsics: Tensor) -> tuple[Tensor, ...]:
-        """The outputs in the order of `OUTPUTS`; the images are half the padded frames (`MotionNet.padded`).
+    def forward(
+        self, voxels: Tensor, fits: Tensor, valid: Tensor, intrinsics: Tensor, rotation: Tensor
+    ) -> tuple[Tensor, ...]:
+        """See `FirstPass.forward`; all but the twist and what is known of the lens are images."""
+        return self.model.first(voxels, fits, valid, intrinsics, rotation)[:4]
 
-        Args:
-            image: (1, 3 N, h, w) log counts and mean times, see `MotionNet.answers`.
-            evidence: (1, 22, a, b) see `Evidence.unpacked`.
-            valid: (1, 1, h, w) share of each pixel that the lens sees.
-            intrinsics: (1, 4) fx fy cx cy of the full size, px.
+
+class Second(nn.Module):
+    """The finest scale of the answer, inputs and outputs in the order of `SECOND_INPUTS` and `SECOND_OUTPUTS`."""
+
+    def __init__(self, model: MotionNet) -> None:
+        super().__init__()
+        self.model = model
+
+    def forward(
+        self, voxels: Tensor, fits: Tensor, valid: Tensor, intrinsics: Tensor, rotation: Tensor, *taken: Tensor
+    ) -> tuple[Tensor, ...]:
+        """See `MotionNet.second`.
 
         Returns:
             moving (1, 1, h, w) probability; rel_depth (1, 1, h, w); ego (1, 6) mean depths per second and rad/s;
-            velocity (1, 3, h, w) of each pixel if it moves, mean depths per second; flow (1, 2, h, w) 1/s on Z = 1.
+            velocity (1, 3, h, w) of what each pixel shows, mean depths per second; flow (1, 2, h, w) 1/s on Z = 1.
         """
-        finest = self.model.answers(image, Evidence.unpacked(evidence), valid, intrinsics)[-1]
+        finest = self.model.second(voxels, fits, valid, Compensation(*taken), intrinsics, rotation)[-1]
         moving = 1 - finest.mixture[:, :1]
         return moving, finest.rel_depth, finest.ego, finest.object_velocity, finest.flow
 
 
 def export(model: MotionNet, path: Path) -> None:
-    """Write a model as ONNX that takes images of any size; the configuration is in its metadata under `config`."""
-    config = model.config
-    cell = config.stride // 2
-    height, width = 4 * cell, 5 * cell
-    example = (
-        torch.rand(1, 3 * config.slices, height, width),
-        torch.rand(1, CHANNELS, height // config.evidence_reduction, width // config.evidence_reduction),
-        torch.ones(1, 1, height, width),
-        torch.tensor([[1.5 * width, 1.5 * width, width, height]]),
-    )
-    free = {name: {2: "height", 3: "width"} for name in ("image", "valid", *(n for n in OUTPUTS if n != "ego"))}
+    """Write a model as ONNX that takes images of any size: the second pass at `path`, the first pass beside it.
+
+    The configuration is in the metadata of both.
+    """
+    model = model.eval().compute_in(torch.float32)
+    high, wide = 2 * model.config.stride, 3 * model.config.stride
+    lens = (torch.tensor([[0.75 * wide, 0.75 * wide, wide / 2, high / 2]]), torch.zeros(1, 4))
+
+    def image(channels: int, step: int) -> Tensor:
+        return torch.rand(1, channels, high // step, wide // step) + 0.1
+
+    first = (image(VOXELS, 2), image(FITS, 2), image(1, 2), *lens)
+    taken = (torch.rand(1, 6), image(1, 4), image(2, 4), image(2, 4))
+    second = (image(VOXELS, 1), image(FITS, 2), image(1, 2), *lens, *taken)
+    _write(First(model), first, (FIRST_INPUTS, FIRST_OUTPUTS), first_pass_beside(path))
+    _write(Second(model), second, (SECOND_INPUTS, SECOND_OUTPUTS), path)
+
+
+def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple[str, ...], ...], path: Path) -> None:
+    """Trace, fold, halve, check, write beside and rename."""
+    inputs, outputs = names
+    free = {
+        name: {2: f"{name} height", 3: f"{name} width"}
+        for name in (*inputs, *outputs)
+        if name not in ("intrinsics", "rotation", "taken_ego", "ego")
+    }
     with warnings.catch_warnings(), torch.no_grad(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")  # the exporter's own, about itself
         traced = Path(folder) / "traced.onnx"
-        # By tracing: the exporter of torch.export takes ten minutes over this graph's symbolic sizes.
+        # By tracing: the exporter of torch.export takes minutes over this graph's symbolic sizes.
         torch.onnx.export(
-            Deployed(model).eval(),
+            part.eval(),
             example,
             str(traced),
             dynamo=False,
             opset_version=18,
-            input_names=list(INPUTS),
-            output_names=list(OUTPUTS),
-            dynamic_axes=free | {"evidence": {2: "cells_high", 3: "cells_wide"}},
+            input_names=list(inputs),
+            output_names=list(outputs),
+            dynamic_axes=free,
         )
         proto = halved(folded(traced))
-    facts = {"config": asdict(config), "stride": config.stride, "evidence_reduction": config.evidence_reduction}
-    for key, value in facts.items():
+    config = part.model.config
+    for key, value in {"config": asdict(config), "stride": config.stride}.items():
         entry = proto.metadata_props.add()
         entry.key, entry.value = key, json.dumps(value)
     onnx.checker.check_model(proto)

@@ -5,15 +5,13 @@ from typing import NamedTuple
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import pad
 
 from evimo.geometry.grids import normalised_grid, resized_intrinsics
-from evimo.geometry.motion_field import motion_field, pixel_twist
-from evimo.model.backbone import reduced
-from evimo.model.depth_net import DepthNet
-from evimo.model.evidence import Evidence, evidence
-from evimo.model.pose_net import Geometry, PoseNet
+from evimo.geometry.motion_field import motion_field, pixel_residual, pixel_twist
+from evimo.model.backbone import EvenlyCascaded, enlarged, reduced, shares
+from evimo.model.first_pass import FirstAnswer, FirstPass, mean_one
 from evimo.model.presets import ModelConfig
+from evimo.model.second_pass import SECOND_STEP, Compensation, Motions, SecondAnswer, SecondPass
 
 SLICES_PER_S = 40.0  # a slice lasts 25 ms
 
@@ -25,7 +23,8 @@ class Prediction(NamedTuple):
     ego:        (B, 6) mean depths per second and rad/s.
     residual:   (B, C, 3) mean depths per second.
     mixture:    (B, C+1, h, w).
-    seen:       (B, 2, h, w) the flow the pose network sees, 1/s on the plane Z = 1; it takes no part in the answer.
+    seen:       (B, 2, h, w) the flow the pose network sees, 1/s on the plane Z = 1; egomotion is fitted to it.
+    taken:      (B, 2, h, w) the flow that was taken out of the events, in the same unit.
     intrinsics: (B, 4) fx fy cx cy of this scale, px.
     valid:      (B, 1, h, w) share of the pixel that the lens sees.
     """
@@ -35,6 +34,7 @@ class Prediction(NamedTuple):
     residual: Tensor
     mixture: Tensor
     seen: Tensor
+    taken: Tensor
     intrinsics: Tensor
     valid: Tensor
 
@@ -46,109 +46,83 @@ class Prediction(NamedTuple):
 
     @property
     def object_velocity(self) -> Tensor:
-        """(B, 3, h, w) of each pixel if it moves: minus its residual translation, mean depths per second."""
-        share = self.mixture[:, 1:] / (self.mixture[:, 1:].sum(1, keepdim=True) + 1e-6)
-        return -torch.einsum("bcd,bchw->bdhw", self.residual, share)
-
-
-def mean_one(depth: Tensor, valid: Tensor) -> Tensor:
-    """Depth divided by its mean over the valid pixels."""
-    total = (depth * valid).sum((1, 2, 3), keepdim=True)
-    return depth * (valid.sum((1, 2, 3), keepdim=True) + 1e-6) / (total + 1e-6)
-
-
-def at_half_size(frames: Float[Tensor, "B N 3 H W"]) -> tuple[Tensor, Tensor]:
-    """Log counts (B, N, 2, h, w) and mean times about each slice's centre (B, N, h, w), at half the size."""
-    occupied = frames[:, :, :2].sum(2).clamp(max=1)
-    counts = reduced(frames[:, :, :2].flatten(1, 2), 2).log1p()
-    return counts.unflatten(1, (-1, 2)), reduced(frames[:, :, 2] - 0.5 * occupied, 2)
+        """(B, 3, h, w) of what each pixel shows: minus the sum of equation 2, so that it is the velocity in `flow`."""
+        return -pixel_residual(self.residual, self.mixture)
 
 
 class MotionNet(nn.Module):
-    """Frames of five slices in; depth, egomotion, mixture and residual translations out, at every scale."""
+    """The depth network and both passes of the pose network; between the passes events are compensated outside."""
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.config = config
-        self.depth_net = DepthNet(config, 3 + 1 + 2 * config.coordinates)
-        self.pose_net = PoseNet(config, 3 * config.slices + 1)
+        self.first_pass = FirstPass(config)
+        self.second_pass = SecondPass(config)
 
-    def forward(
+    def compute_in(self, precision: torch.dtype) -> "MotionNet":
+        """Compute features in this precision, such as torch.bfloat16; fits and losses stay in float32."""
+        for part in self.modules():
+            if isinstance(part, EvenlyCascaded):
+                part.precision = precision
+        return self
+
+    def first(
         self,
-        frames: Float[Tensor, "B N 3 H W"],
-        valid: Float[Tensor, "B 1 H W"],
-        intrinsics: Float[Tensor, "B 4"],
-    ) -> list[Prediction]:
-        """From the coarsest to the finest scale; the finest has half the padded image's size.
-
-        Args:
-            frames: event frames around the middle slice; a missing one is zero.
-            valid: 1 where the lens sees the pixel, else 0.
-            intrinsics: fx fy cx cy of the rectified image, px.
-        """
-        stride = self.config.stride
-        right, down = -frames.shape[-1] % stride, -frames.shape[-2] % stride
-        return self.padded(pad(frames, (0, right, 0, down)), pad(valid, (0, right, 0, down)), intrinsics)
-
-    def padded(
-        self,
-        frames: Float[Tensor, "B N 3 H W"],
-        valid: Float[Tensor, "B 1 H W"],
-        intrinsics: Float[Tensor, "B 4"],
-    ) -> list[Prediction]:
-        """As `forward`, of images whose sides are multiples of the configuration's stride."""
-        counts, times = at_half_size(frames)
-        image = torch.cat((counts.flatten(1, 2), times), dim=1)
-        return self.answers(image, evidence(counts, self.config.evidence_reduction), reduced(valid, 2), intrinsics)
-
-    def answers(
-        self,
-        image: Float[Tensor, "B C h w"],
-        found: Evidence,
+        voxels: Float[Tensor, "B 30 h w"],
+        fits: Float[Tensor, "B 24 h w"],
         valid: Float[Tensor, "B 1 h w"],
         intrinsics: Float[Tensor, "B 4"],
+        rotation: Float[Tensor, "B 4"],
+    ) -> FirstAnswer:
+        """The camera's motion from the events as they come, see `FirstPass.forward`."""
+        return self.first_pass(voxels, fits, valid, intrinsics, rotation)
+
+    def second(
+        self,
+        voxels: Float[Tensor, "B 30 H W"],
+        fits: Float[Tensor, "B 24 h w"],
+        valid: Float[Tensor, "B 1 h w"],
+        taken: Compensation,
+        intrinsics: Float[Tensor, "B 4"],
+        rotation: Float[Tensor, "B 4"],
     ) -> list[Prediction]:
-        """What follows from images at half the frames' size; this part is exported.
+        """The answer from compensated events, from the coarsest to the finest scale, see `SecondPass`.
 
         Args:
-            image: log counts of all slices, positive and negative in turn, then their mean times (`at_half_size`).
-            found: local motion in them.
+            voxels, fits: of the compensated events.
             valid: share of the pixel that the lens sees.
-            intrinsics: of the full size, px.
+            taken: the egomotion and depth that were taken out of them, and what the first pass saw.
+            intrinsics: of the rectified image, px.
+            rotation: of a gyroscope, rad per slice, and 1; or zeros.
         """
-        slices = self.config.slices
-        middle = slices // 2
-        here = [image[:, 2 * middle : 2 * middle + 2], image[:, 2 * slices + middle : 2 * slices + middle + 1], valid]
-        if self.config.coordinates:
-            here.append(normalised_grid(resized_intrinsics(intrinsics, (2, 2), (1, 1)), valid))
-        depth = self.depth_net(torch.cat(here, dim=1))
-        depth, scales = self._geometry(depth, valid, intrinsics)
-        answers = self.pose_net(torch.cat((image, valid), dim=1), found, scales)
-        per_second = SLICES_PER_S
+        answers = self.second_pass(voxels, fits, valid, taken)
+        motions = self.second_pass.motions(answers[-1], valid, taken, intrinsics, rotation)
+        steps = [2**k for k in reversed(range(len(answers)))]
         return [
-            Prediction(
-                rel_depth=rel_depth,
-                ego=answer.ego * per_second,
-                residual=answer.residual * per_second,
-                mixture=answer.mixture,
-                seen=answer.flow / scale.focal_px * per_second,
-                intrinsics=resized_intrinsics(intrinsics, (step, step), (1, 1)),  # padding made the ratio exact
-                valid=scale.valid,
-            )
-            for rel_depth, answer, scale, step in zip(depth, answers, scales, self.config.steps, strict=True)
+            self._prediction(answer, motions, valid, taken, intrinsics, step)
+            for answer, step in zip(answers, steps, strict=True)
         ]
 
-    def _geometry(
-        self, log_depth: list[Tensor], valid: Tensor, intrinsics: Tensor
-    ) -> tuple[list[Tensor], list[Geometry]]:
-        """Relative depth and geometry of each scale, from coarse to fine."""
-        focal_px = intrinsics[:, :2, None, None] / 2
-        depths: list[Tensor] = []
-        scales: list[Geometry] = []
-        for step, scale in zip(self.config.steps, log_depth, strict=True):
-            seen = reduced(valid, step // 2) if step > 2 else valid
-            depth = mean_one(torch.exp(scale), seen)
-            grid = normalised_grid(resized_intrinsics(intrinsics, (step, step), (1, 1)), scale)
-            depths.append(depth)
-            scales.append(Geometry(1 / depth, grid, focal_px, seen))
-        return depths, scales
+    def _prediction(
+        self,
+        answer: SecondAnswer,
+        motions: Motions,
+        valid: Tensor,
+        taken: Compensation,
+        intrinsics: Tensor,
+        step: int,
+    ) -> Prediction:
+        """One scale, `step` times coarser than the finest."""
+        valid = reduced(valid, step) if step > 1 else valid
+        rigid = enlarged(taken.rigid, 2) if step == 1 else taken.rigid if step == 2 else reduced(taken.rigid, step // 2)
+        image_px, focal_px = SECOND_STEP * step, intrinsics[:, :2, None, None]
+        return Prediction(
+            rel_depth=mean_one(answer.log_depth.exp(), valid),
+            ego=motions.ego * SLICES_PER_S,
+            residual=motions.residual * SLICES_PER_S,
+            mixture=shares(answer.logits),
+            seen=(rigid + answer.left) / focal_px * SLICES_PER_S,
+            taken=rigid / focal_px * SLICES_PER_S,
+            intrinsics=resized_intrinsics(intrinsics, (image_px, image_px), (1, 1)),  # padding made the ratio exact
+            valid=valid,
+        )

@@ -1,41 +1,42 @@
-"""Shapes of the two networks, by name."""
+"""Shapes of the networks, by name."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelConfig:
-    """Shape of the two networks, as in the paper unless noted.
+    """Shape of the networks.
 
-    The depth network has half the channels of the pose network (the authors' code has it the other way round): depth
-    from one slice rests on priors, while the masks rest on motion.
+    The pose network looks twice (docs/decisions/0006-compensate-first.md): `hidden`, `growth` and `layers` are those of
+    its second pass; the first pass and the depth network, at half the size, are smaller.
     """
 
-    hidden: int = 32  # channels of the pose network after its first layer
+    hidden: int = 32  # channels of the second pass after its first layer
     growth: int = 32  # channels added per layer
     layers: int = 4  # encoding layers, and as many decoding
-    scale: int = 2  # resolution step between layers
+    first_hidden: int = 16  # of the first pass
+    first_growth: int = 16
+    depth_hidden: int = 12  # of the depth network
+    depth_growth: int = 12
+    first_layers: int = 3  # of the first pass and the depth network
     objects: int = 3  # residual translations C; the paper gives no number, its recordings hold up to 3 objects
-    slices: int = 5  # slices the pose network sees
-    coordinates: bool = True  # the normalised coordinates of each pixel as two more channels
 
     @property
     def stride(self) -> int:
         """Both sides of the image are padded to a multiple of it, so that every scale is an exact fraction."""
-        return 2 * self.scale**self.layers
-
-    @property
-    def steps(self) -> list[int]:
-        """Image pixels per pixel of each scale that predicts, from coarse to fine."""
-        return [2 * self.scale**k for k in reversed(range(self.layers))]
-
-    @property
-    def evidence_reduction(self) -> int:
-        """How much coarser than half the image local motion is measured: the scale's first power from 3."""
-        return self.scale if self.scale >= 3 else self.scale**2
+        return max(2 * 2**self.layers, 4 * 2**self.first_layers)
 
 
 PRESETS = {
-    "base": ModelConfig(),
-    "tiny": ModelConfig(hidden=8, growth=8, layers=2, scale=3),
+    "base": ModelConfig(hidden=32, growth=32, first_hidden=20, first_growth=20),
+    "small": ModelConfig(hidden=16, growth=20, first_hidden=12, first_growth=12, depth_hidden=8, depth_growth=8),
+    "tiny": ModelConfig(
+        hidden=8,
+        growth=4,
+        layers=3,
+        first_hidden=6,
+        first_growth=4,
+        depth_hidden=4,
+        depth_growth=3,
+    ),
 }

@@ -1,4 +1,4 @@
-"""The exported networks: an ONNX file, run by ONNX Runtime. No torch."""
+"""The exported networks: two ONNX files, run by ONNX Runtime. No torch."""
 
 import hashlib
 import json
@@ -12,15 +12,54 @@ import onnxruntime as ort
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
-from evimo.streaming.span import CONTEXT
 
 F4 = NDArray[np.float32]
 
 MOST_WORKERS = 4  # more would wait for memory, not for each other
 LARGEST_STRIDE = 1024
-SLICES = 2 * CONTEXT + 1
-INPUTS = ("image", "evidence", "valid", "intrinsics")
-OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
+FIRST_PASS = ".first.onnx"
+FIRST_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation")
+FIRST_OUTPUTS = ("rel_depth", "ego", "flow", "rigid")
+SECOND_INPUTS = (*FIRST_INPUTS, "taken_ego", "taken_depth", "taken_rigid", "taken_seen")
+SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
+
+
+class Seen(NamedTuple):
+    """What a pass looks at.
+
+    voxels: (30, h, w) and fits (24, h', w') of `events.stack`; valid: (h', w') share of each pixel that has a sensor
+    counterpart; intrinsics: (4,) fx fy cx cy of the rectified image, px; rotation: (4,) of a gyroscope, rad per
+    slice, and 1, or zeros.
+    """
+
+    voxels: F4
+    fits: F4
+    valid: F4
+    intrinsics: F4
+    rotation: F4
+
+    def feeds(self) -> dict[str, F4]:
+        """By the names of the graphs' inputs."""
+        return {
+            "voxels": self.voxels[None],
+            "fits": self.fits[None],
+            "valid": self.valid[None, None],
+            "intrinsics": self.intrinsics[None],
+            "rotation": self.rotation[None],
+        }
+
+
+class CameraMotion(NamedTuple):
+    """What the first pass says, at a quarter of the rectified image's size (h, w).
+
+    rel_depth: (h, w) mean 1. ego: (6,) mean depths and rad per slice.
+    flow:      (2, h, w) of everything, px per slice; rigid: (2, h, w) of the static world.
+    """
+
+    rel_depth: F4
+    ego: F4
+    flow: F4
+    rigid: F4
 
 
 class Answer(NamedTuple):
@@ -29,7 +68,7 @@ class Answer(NamedTuple):
     moving:    (h, w) probability that a pixel shows something that moves by itself.
     rel_depth: (h, w) mean 1.
     ego:       (6,) camera twist, mean depths/s and rad/s.
-    velocity:  (3, h, w) of what moves there, relative to the static world, camera axes, mean depths/s.
+    velocity:  (3, h, w) of what is there, relative to the static world, camera axes, mean depths/s.
     flow:      (2, h, w) image velocity, 1/s on the plane Z = 1.
     """
 
@@ -50,25 +89,24 @@ class Answer(NamedTuple):
 def presets() -> dict[str, Path]:
     """Models inside the package: name to ONNX file."""
     folder = Path(str(files("evimo"))) / "model" / "weights"
-    return {path.stem: path for path in sorted(folder.glob("*.onnx"))}
+    return {path.stem: path for path in sorted(folder.glob("*.onnx")) if not path.name.endswith(FIRST_PASS)}
 
 
 class Network:
     """A trained model ready to run.
 
     name:    as the user gave it.
-    sha256:  of the file.
-    workers: slices that may run side by side; `estimate` may be called from as many threads.
+    sha256:  of both files.
+    workers: slices that may run side by side; both passes may be called from as many threads.
     config:  what it was trained as.
-    stride:  sides of the images are padded to multiples of it; `reduction`: how much coarser than half the image the
-        evidence is. Both are for `EvidenceMaker`.
+    stride:  sides of the rectified image are padded to multiples of it.
     """
 
     def __init__(self, name_or_path: str | Path, *, workers: int | None = None, threads: int = 1) -> None:
-        """Load a preset by name, or an ONNX file by path.
+        """Load a preset by name, or an ONNX file by path; the first pass lies beside it as `<stem>.first.onnx`.
 
         Args:
-            name_or_path: `tiny`, or a path.
+            name_or_path: `small`, or a path.
             workers: how many slices may run side by side; by default one per core, at most four.
             threads: inside one operator.
 
@@ -82,28 +120,36 @@ class Network:
         if not path.is_file():
             known = ", ".join(presets()) or "none is installed"
             raise NotFound(f"no model {self.name!r}", fix=f"a preset ({known}), or the path of an .onnx file")
-        content = path.read_bytes()
-        self.sha256 = hashlib.sha256(content).hexdigest()
-        self._session = _session(path, content, threads)
-        _check_names(path, self._session)
-        self.config, self.stride, self.reduction = _facts(path, self._session)
+        beside = path.with_name(f"{path.stem}{FIRST_PASS}")
+        if not beside.is_file():
+            raise NotFound(
+                f"{path} has no first pass beside it", fix=f"keep {beside.name} of the same training run in its folder"
+            )
+        content = [each.read_bytes() for each in (path, beside)]
+        self.sha256 = hashlib.sha256(b"".join(content)).hexdigest()
+        self._second, self._first = (
+            _session(each, data, threads) for each, data in zip((path, beside), content, strict=True)
+        )
+        _check_names(path, self._second, (SECOND_INPUTS, SECOND_OUTPUTS))
+        _check_names(beside, self._first, (FIRST_INPUTS, FIRST_OUTPUTS))
+        self.config, self.stride = _facts(path, self._second)
+        if _facts(beside, self._first) != (self.config, self.stride):
+            raise BadFile(f"{beside} is the first pass of another model", fix="both files of the same training run")
 
-    def estimate(self, image: F4, evidence: F4, *, valid: F4, intrinsics: F4) -> Answer:
-        """Run one stack.
+    def first(self, seen: Seen) -> CameraMotion:
+        """Run the first pass on the events as they come, at half the rectified image's size."""
+        rel_depth, ego, flow, rigid = self._first.run(FIRST_OUTPUTS, seen.feeds())
+        return CameraMotion(rel_depth[0, 0], ego[0], flow[0], rigid[0])
 
-        Args:
-            image: (15, h, w) from `EvidenceMaker.image`.
-            evidence: (22, a, b) from `EvidenceMaker.evidence`.
-            valid: (h, w) share of each pixel that has a sensor counterpart.
-            intrinsics: (4,) fx, fy, cx, cy of the whole image, px.
-        """
-        feeds = {
-            "image": image[None],
-            "evidence": evidence[None],
-            "valid": valid[None, None],
-            "intrinsics": intrinsics[None],
+    def second(self, seen: Seen, taken: CameraMotion) -> Answer:
+        """Run the second pass on events that were compensated by what the first one said."""
+        feeds = seen.feeds() | {
+            "taken_ego": taken.ego[None],
+            "taken_depth": taken.rel_depth[None, None],
+            "taken_rigid": taken.rigid[None],
+            "taken_seen": taken.flow[None],
         }
-        moving, rel_depth, ego, velocity, flow = self._session.run(OUTPUTS, feeds)
+        moving, rel_depth, ego, velocity, flow = self._second.run(SECOND_OUTPUTS, feeds)
         return Answer(moving[0, 0], rel_depth[0, 0], ego[0].astype(np.float64), velocity[0], flow[0])
 
 
@@ -119,27 +165,25 @@ def _session(path: Path, content: bytes, threads: int) -> Any:
         raise BadFile(f"{path} is not an ONNX model: {reason}", fix="the .onnx file of a training run") from error
 
 
-def _check_names(path: Path, session: Any) -> None:
+def _check_names(path: Path, session: Any, names: tuple[tuple[str, ...], tuple[str, ...]]) -> None:
     given = {node.name for node in session.get_inputs()}, {node.name for node in session.get_outputs()}
-    missing = [name for ours, names in zip((INPUTS, OUTPUTS), given, strict=True) for name in ours if name not in names]
-    if missing or len(given[0]) > len(INPUTS):
-        lacks = f"lacks {', '.join(missing)}" if missing else f"wants more than {', '.join(INPUTS)}"
+    missing = [name for ours, found in zip(names, given, strict=True) for name in ours if name not in found]
+    if missing or len(given[0]) > len(names[0]):
+        lacks = f"lacks {', '.join(missing)}" if missing else f"wants more than {', '.join(names[0])}"
         raise BadFile(
             f"{path} is not an evimo model: it {lacks}", fix="the .onnx file of `evimo train`, exported by this version"
         )
 
 
-def _facts(path: Path, session: Any) -> tuple[dict[str, Any], int, int]:
-    """Configuration, stride and reduction from the file's metadata."""
+def _facts(path: Path, session: Any) -> tuple[dict[str, Any], int]:
+    """Configuration and stride from the file's metadata."""
     texts = session.get_modelmeta().custom_metadata_map
     try:
-        config, stride, reduction = (json.loads(texts[key]) for key in ("config", "stride", "evidence_reduction"))
-        if not isinstance(config, dict) or not 0 < reduction < stride < LARGEST_STRIDE or stride % (2 * reduction):
-            raise ValueError(f"stride {stride}, reduction {reduction}")
-        if config.get("slices", SLICES) != SLICES:
-            raise ValueError(f"stacks of {config['slices']} slices, not of {SLICES}")
+        config, stride = (json.loads(texts[key]) for key in ("config", "stride"))
+        if not isinstance(config, dict) or not 4 <= stride < LARGEST_STRIDE or stride % 4:
+            raise ValueError(f"stride {stride}")
     except (KeyError, ValueError, TypeError) as error:
         raise BadFile(
             f"{path} does not say how its images are made: {error}", fix="the .onnx file of `evimo train`"
         ) from error
-    return config, stride, reduction
+    return config, stride

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from evimo.geometry.rectification import Rectification
 from evimo.recordings.estimate import Estimate, MovingObject
-from evimo.streaming.evidence import HALF, halved_mask
 from evimo.streaming.identities import Identities
 from evimo.streaming.inference import Answer
+from evimo.streaming.looks import HALF, halved_mask
 from evimo.streaming.regions import regions, smallest_region
 from evimo.streaming.tallies import extents, weighted_sums
 from evimo.streaming.to_sensor import ToSensor
@@ -25,7 +25,8 @@ class ObjectFinder:
 
     def __init__(self, rectification: Rectification) -> None:
         self._valid = rectification.valid
-        self._inside = halved_mask(rectification.image_valid, stride=HALF) > 0
+        whole = tuple(-(-side // HALF) * HALF for side in rectification.image_valid.shape)
+        self._inside = halved_mask(rectification.image_valid, (whole[0], whole[1])) > 0
         self._smallest_px = smallest_region(self._inside.shape)
         self._identities = Identities()
         self._to_sensor = ToSensor(rectification, step=HALF)

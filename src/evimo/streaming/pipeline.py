@@ -1,39 +1,47 @@
 """The main job: packets in, estimates out, in constant memory.
 
-One thread reads events, cuts slices and makes images; several run the networks, a slice each, from which small graphs
-gain more than from threads inside one slice; the caller's own finds objects. Bounded queues join them, so an hour needs
-no more memory than a second.
+One thread reads events, cuts slices and places them in the rectified image. Several run the first pass, a slice each,
+from which small graphs gain more than from threads inside one slice. As many take the camera's motion out of the events
+and run the second pass, and the caller's own finds objects. Bounded queues join them, so an hour needs no more memory
+than a second.
 """
 
 from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
-
-import numpy as np
+from typing import NamedTuple
 
 from evimo.errors import BadInput
 from evimo.events.events import Events
-from evimo.events.frames import FrameMaker, PixelTable
 from evimo.events.io.event_file import EventFile
 from evimo.events.slices import Slice, in_slices, in_stacks
+from evimo.events.stack import EventStack
 from evimo.geometry.camera import Camera, assumed_camera
 from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
-from evimo.streaming.evidence import EvidenceMaker, SliceImages, halved_mask
-from evimo.streaming.inference import Answer, Network
+from evimo.streaming.inference import Answer, CameraMotion, Network
+from evimo.streaming.looks import Looks, Placed, joined
 from evimo.streaming.objects import ObjectFinder
-from evimo.streaming.span import CONTEXT, span_of
+from evimo.streaming.span import STACKED, span_of
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import ahead, in_parallel
 
 AHEAD = 2  # stacks that wait for the networks
 
 
+class Looked(NamedTuple):
+    """One slice, the stack of events it is the middle of, and what the first pass says of it."""
+
+    part: Slice
+    stack: EventStack
+    motion: CameraMotion
+
+
 def run(
     events: EventFile,
     *,
-    model: str | Path = "tiny",
+    model: str | Path = "small",
     camera: Camera | None = None,
     start_s: float = 0.0,
     stop_s: float | None = None,
@@ -68,7 +76,7 @@ class Run:
     span:          the slices it covers.
     rectification: between sensor pixels and the networks' image.
     camera_source: where the camera comes from: given, the recording, or assumed.
-    frames:        makes event frames; counts the events that have no place in that image.
+    placed:        brings events into that image; counts those that have no place there.
     finder:        of objects; counts them.
     stopwatch:     where the time went.
     """
@@ -89,18 +97,16 @@ class Run:
         camera, self.camera_source = _camera_of(events, camera)
         self.rectification = rectified(camera)
         self.rectification.warn_of_invalid()
-        image = self.rectification.image
-        self._maker = EvidenceMaker(image.size, stride=network.stride, reduction=network.reduction)
-        self._valid = halved_mask(self.rectification.image_valid, stride=network.stride)
-        self._intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
+        self.placed = Placed(self.rectification)
+        self._looks = Looks(self.rectification, stride=network.stride)
         self.stopwatch = Stopwatch()
         self.finder = ObjectFinder(self.rectification)
-        self.frames = FrameMaker(PixelTable(*self.rectification.table()))
 
     def slices(self) -> Generator[tuple[Estimate, Events]]:
         """Each slice's estimate and its events; once."""
         stacks = ahead(self._stacks(), depth=AHEAD)
-        with closing(in_parallel(self._answer, stacks, workers=self.network.workers)) as answers:
+        firsts = in_parallel(self._first, stacks, workers=self.network.workers)
+        with closing(in_parallel(self._second, self._looked(firsts), workers=self.network.workers)) as answers:
             for part, answer in answers:
                 with self.stopwatch.stage("objects"):
                     estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
@@ -112,30 +118,47 @@ class Run:
         slices = in_slices(packets, start_us=span.read_start_us, stop_us=span.read_stop_us)
         yield from self.stopwatch.over("slicing", slices)
 
-    def _images(self) -> Iterator[tuple[Slice, SliceImages]]:
-        """Each slice with what the networks see of it."""
-        frame = None
+    def _placed(self) -> Iterator[tuple[Slice, EventStack]]:
+        """Each slice with its events in the rectified image."""
         for part in self._slices():
-            with self.stopwatch.stage("frames"):
-                dt_us = part.stop_us - part.start_us
-                frame = self.frames.frame(part.events, start_us=part.start_us, dt_us=dt_us, out=frame)
-                images = self._maker.images(frame)
-            yield part, images
+            with self.stopwatch.stage("placing"):
+                placed = self.placed.slice(part)
+            yield part, placed
 
-    def _stacks(self) -> Iterator[tuple[Slice, list[SliceImages]]]:
-        """The slices of the span with their stacks."""
-        nothing = None, self._maker.nothing()
-        for stack in in_stacks(self._images(), nothing, length=2 * CONTEXT + 1):
-            middle = stack[CONTEXT][0]
-            if middle is not None and self.span.first <= middle.index < self.span.last:
-                yield middle, [images for _, images in stack]
+    def _stacks(self) -> Generator[tuple[Slice, EventStack]]:
+        """Each slice with the stack it is the middle of."""
+        for stack in in_stacks(self._placed(), None, length=STACKED):
+            middle = stack[STACKED // 2]
+            if middle is not None:
+                yield middle[0], joined([each and each[1] for each in stack])
 
-    def _answer(self, stack: tuple[Slice, list[SliceImages]]) -> tuple[Slice, Answer]:
-        part, images = stack
-        with self.stopwatch.stage("evidence"):
-            image, evidence = self._maker.image(images), self._maker.evidence(images)
-        with self.stopwatch.stage("networks"):
-            return part, self.network.estimate(image, evidence, valid=self._valid, intrinsics=self._intrinsics)
+    def _first(self, item: tuple[Slice, EventStack]) -> Looked:
+        part, stack = item
+        with self.stopwatch.stage("first look"):
+            seen = self._looks.first(stack)
+        with self.stopwatch.stage("first pass"):
+            return Looked(part, stack, self.network.first(seen))
+
+    def _looked(self, firsts: Generator[Looked]) -> Generator[tuple[Looked, ...]]:
+        """Five in a row around each slice of the span; at the ends of what is read the nearest one again."""
+        with closing(firsts):
+            for row in in_stacks(firsts, None, length=STACKED):
+                middle = row[STACKED // 2]
+                if middle is not None and self.span.first <= middle.part.index < self.span.last:
+                    yield tuple(_nearest(row, number, middle) for number in range(STACKED))
+
+    def _second(self, row: tuple[Looked, ...]) -> tuple[Slice, Answer]:
+        middle = row[STACKED // 2]
+        with self.stopwatch.stage("second look"):
+            seen = self._looks.second(middle.stack, [each.motion for each in row])
+        with self.stopwatch.stage("second pass"):
+            return middle.part, self.network.second(seen, middle.motion)
+
+
+def _nearest(row: tuple[Looked | None, ...], number: int, middle: Looked) -> Looked:
+    """The one at that place, or the nearest to it towards the middle."""
+    towards = range(number, STACKED // 2, 1 if number < STACKED // 2 else -1)
+    return next((each for k in towards if (each := row[k]) is not None), middle)
 
 
 def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:

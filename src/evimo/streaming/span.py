@@ -7,7 +7,8 @@ from evimo.errors import BadInput
 from evimo.events.io.event_file import EventFile
 from evimo.events.slices import SLICE_US
 
-CONTEXT = 2  # slices before and after the reference slice in a stack of five
+STACKED = 5  # slices of a stack, two before and two after its middle one
+CONTEXT = 2 * (STACKED // 2)  # slices to each side that an estimate depends on: stacks of the slices of its own stack
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ def summary(run: Run, course: Course, *, settings: dict[str, Any], warnings: Seq
         "objects_seen_for_100_ms": run.finder.objects_lasting,
         "invalid_pixels": rectification.invalid,
         "dropped_events": {
-            "without_place_in_image": run.frames.dropped,
+            "without_place_in_image": run.placed.dropped,
             "late": events.faults.late,
             "off_sensor": events.faults.outside,
         },

@@ -1,4 +1,4 @@
-"""Batches for training: frames in, truth beside them, in the rectified image. Torch."""
+"""Batches for training: what the networks see, truth beside it, in the rectified image. Torch."""
 
 from typing import NamedTuple
 
@@ -8,22 +8,32 @@ from evimo.geometry.warping import EventPoints
 
 
 class Batch(NamedTuple):
-    """B samples of one size; truth is at the centre of the middle slice.
+    """B samples of one size (H, W); truth is at the centre of the middle slice, at half the size (h, w).
 
-    frames:      (B, N, 3, H, W) event frames, N slices.
-    valid:       (B, 1, H, W) float, 1 where the lens sees the pixel.
-    intrinsics:  (B, 4) fx fy cx cy of the rectified image, px.
-    depth:       (B, 1, H, W) m; meaningless where not `depth_valid`.
-    depth_valid: (B, 1, H, W) bool.
-    moving:      (B, 1, H, W) bool, pixels of objects that move.
-    flow:        (B, 2, H, W) 1/s on the plane Z = 1.
-    velocity:    (B, 3, H, W) of the object the pixel shows, relative to the static world, camera axes, m/s.
+    voxels:      (B, 30, h, w) of the events as they come; fits: (B, 24, h, w) of the same (`events.stack`).
+    sharp_voxels: (B, 30, H, W) of the compensated events; sharp_fits: (B, 24, h, w).
+    taken_ego:   (B, 6) the twist that was taken out at the middle slice, mean depths and rad per slice.
+    taken_depth: (B, 1, h/2, w/2) the relative depth that was used for it.
+    rotation:    (B, 4) of a gyroscope, rad per slice, and 1; or zeros.
+    valid:       (B, 1, h, w) float, 1 where the lens sees the pixel.
+    intrinsics:  (B, 4) fx fy cx cy of the image (H, W), px.
+    depth:       (B, 1, h, w) m; meaningless where not `depth_valid`.
+    depth_valid: (B, 1, h, w) bool.
+    moving:      (B, 1, h, w) bool, pixels of objects that move.
+    flow:        (B, 2, h, w) 1/s on the plane Z = 1.
+    velocity:    (B, 3, h, w) of the object the pixel shows, relative to the static world, camera axes, m/s.
     ego:         (B, 6) the camera's twist, m/s and rad/s.
-    events:      those of the middle slices, in px of the rectified image, t in s relative to the slice's centre; None
+    events:      those of the middle slices, in px of the image (H, W), t in s relative to the slice's centre; None
         where no loss wants them.
     """
 
-    frames: Tensor
+    voxels: Tensor
+    fits: Tensor
+    sharp_voxels: Tensor
+    sharp_fits: Tensor
+    taken_ego: Tensor
+    taken_depth: Tensor
+    rotation: Tensor
     valid: Tensor
     intrinsics: Tensor
     depth: Tensor
@@ -36,6 +46,6 @@ class Batch(NamedTuple):
 
     def to(self, device: str) -> "Batch":
         """The same batch on a device."""
-        tensors = [tensor.to(device) for tensor in self[:9]]
+        tensors = [tensor.to(device) for tensor in self[:15]]
         events = None if self.events is None else EventPoints(*(column.to(device) for column in self.events))
         return Batch(*tensors, events=events)

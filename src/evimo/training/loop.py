@@ -1,8 +1,9 @@
 """The training loop: batches in, checkpoints out; knows no formula."""
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from math import cos, pi
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from evimo.training.batches import Batch
 from evimo.training.config import TrainConfig
 from evimo.training.data import Samples, drawn_batch
 from evimo.training.objective import objective
-from evimo.training.recipes import RECIPES, Recipe
+from evimo.training.recipes import RECIPES
 
 MODEL, STATE = "model.safetensors", "state.safetensors"
 
@@ -32,18 +33,16 @@ class Trainer:
         self,
         model: MotionNet,
         config: TrainConfig,
-        groups: Sequence[Samples],
+        samples: Samples,
         out: Path,
-        *,
-        knows_motion: bool = False,
     ) -> None:
-        """See the class; a model that `knows_motion` is not trained on motion alone first."""
+        """See the class."""
         if config.recipe not in RECIPES:
             raise BadInput(f"no recipe {config.recipe!r}", fix=f"one of {', '.join(RECIPES)}")
         self.model, self.config, self.out = model, config, out
-        recipe: Recipe = RECIPES[config.recipe]
-        self.recipe = replace(recipe, motion_first=0.0) if knows_motion else recipe
-        self.groups = groups
+        self.recipe = RECIPES[config.recipe]
+        self.samples = samples
+        model.compute_in(torch.bfloat16 if config.bfloat16 else torch.float32)
         self.step = 0
         self.device = str(next(model.parameters()).device)
         self.optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate, betas=(0.9, 0.99))
@@ -53,20 +52,24 @@ class Trainer:
         """Train up to the last step; `report` gets the step and the loss terms of its batch."""
         self.out.mkdir(parents=True, exist_ok=True)
         self.model.train()
+        drawer = ThreadPoolExecutor(1)  # draws the next batch while this one is learned from
         try:
+            following = drawer.submit(self._batch, self.step)
             while self.step < self.config.steps:
-                report(self.step + 1, self._one_step())
+                batch, following = following.result(), drawer.submit(self._batch, self.step + 1)
+                report(self.step + 1, self._one_step(batch.to(self.device)))
                 if self.step % self.config.save_every == 0 and self.step < self.config.steps:
                     self.save()
         finally:
+            drawer.shutdown(cancel_futures=True)
             self.save()
 
-    def _one_step(self) -> dict[str, float]:
+    def _one_step(self, batch: Batch) -> dict[str, float]:
         done = self.step / self.config.steps
         rise = min(1.0, (self.step + 1) / self.config.warm_up)
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * rise * (0.01 + 0.99 * 0.5 * (1 + cos(pi * done)))
-        loss, terms = objective(self.model, self._batch(), self.recipe, with_masks=done >= self.recipe.motion_first)
+        loss, terms = objective(self.model, batch, self.recipe)
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         norm = torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
@@ -78,13 +81,10 @@ class Trainer:
             self.average[name].lerp_(value.detach(), 1 - keep)
         return {"loss": float(loss.detach()), **terms}
 
-    def _batch(self) -> Batch:
-        rng = np.random.default_rng((self.config.seed, self.step))
-        sizes = np.array([len(group) for group in self.groups], float)
-        group = self.groups[int(rng.choice(len(sizes), p=sizes / sizes.sum()))]
-        slices = self.model.config.slices
-        events = self.recipe.weights.get("fine_warp", 0) > 0
-        return drawn_batch(group, self.config.batch, rng, slices=slices, events=events).to(self.device)
+    def _batch(self, step: int) -> Batch:
+        rng = np.random.default_rng((self.config.seed, step))
+        events = "fine_warp" in self.recipe.weights
+        return drawn_batch(self.samples, self.config.batch, rng, events=events)
 
     @property
     def samples_seen(self) -> int:

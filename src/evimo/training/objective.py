@@ -1,13 +1,15 @@
-"""Terms of the objective at one scale, from prediction and batch; joined over scales by pixels."""
+"""Terms of the objective, from predictions and batch; joined over scales by pixels."""
 
 from collections.abc import Callable
 from math import pi
 
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d, max_pool2d, pad
+from torch.nn.functional import max_pool2d
 
 from evimo.errors import BadInput
+from evimo.events.stack import BINS, SLICES
+from evimo.geometry.grids import resized_intrinsics
 from evimo.geometry.warping import resized_points
 from evimo.losses.depth import depth_loss, mean_over
 from evimo.losses.mask import balance, dice_loss, mask_loss, one_sided_mask_loss
@@ -15,28 +17,31 @@ from evimo.losses.motion import flow_loss, object_velocity_loss, twist_loss
 from evimo.losses.smoothness import depth_smoothness, mixture_smoothness
 from evimo.losses.total import total, weighted_total
 from evimo.losses.warp import coarse_warp_loss, fine_warp_loss
+from evimo.model.backbone import reduced
+from evimo.model.first_pass import FIRST_STEP, FirstAnswer
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
+from evimo.model.second_pass import Compensation
 from evimo.training.batches import Batch
 from evimo.training.recipes import Recipe
 
+_MIDDLE = slice(2 * BINS * (SLICES // 2), 2 * BINS * (SLICES // 2 + 1))
+_MOVERS = 2.0  # what a flow error on movers counts more
 
-def at_scale(batch: Batch, prediction: Prediction, stride: int) -> Batch:
-    """The batch at the size of a prediction: one pixel in s x s for the truth, area averages for the frames."""
-    right, down = -batch.frames.shape[-1] % stride, -batch.frames.shape[-2] % stride
-    step = (batch.frames.shape[-1] + right) // prediction.rel_depth.shape[-1]
+
+def at_scale(batch: Batch, prediction: Prediction) -> Batch:
+    """The batch at the size of a prediction: one pixel in s x s for the truth, area averages for the events."""
+    step = batch.valid.shape[-1] // prediction.rel_depth.shape[-1]
 
     def picked(image: Tensor) -> Tensor:
-        return pad(image, (0, right, 0, down))[..., step // 2 :: step, step // 2 :: step]
+        return image[..., step // 2 :: step, step // 2 :: step]
 
-    frames = avg_pool2d(pad(batch.frames, (0, right, 0, down)).flatten(1, 2), step).unflatten(
-        1, batch.frames.shape[1:3]
+    size, new_size = batch.sharp_voxels.shape[-2:], prediction.rel_depth.shape[-2:]
+    events = (
+        None if batch.events is None else resized_points(batch.events, (size[0], size[1]), (new_size[0], new_size[1]))
     )
-    size = (batch.frames.shape[-2] + down, batch.frames.shape[-1] + right)
-    new_size = (prediction.rel_depth.shape[-2], prediction.rel_depth.shape[-1])
-    events = None if batch.events is None else resized_points(batch.events, size, new_size)
     return batch._replace(
         events=events,
-        frames=frames,
+        voxels=reduced(batch.voxels.expm1(), step) if step > 1 else batch.voxels.expm1(),
         valid=(picked(batch.valid) > 0).to(batch.valid),
         intrinsics=prediction.intrinsics,
         depth=picked(batch.depth),
@@ -59,7 +64,7 @@ def directions(velocity: Tensor, count: int) -> Tensor:
 
 
 def terms(prediction: Prediction, batch: Batch, mean_depth: Tensor, recipe: Recipe) -> dict[str, Tensor]:
-    """Per-pixel losses of one scale, (B, 1, h, w) each, of the terms the recipe names.
+    """Per-pixel losses of one scale of the answer, (B, 1, h, w) each, of the terms the recipe names.
 
     Args:
         prediction: of this scale.
@@ -68,8 +73,8 @@ def terms(prediction: Prediction, batch: Batch, mean_depth: Tensor, recipe: Reci
         recipe: which terms.
     """
     named: dict[str, Callable[[], Tensor]] = {
-        "seen": lambda: _seen(prediction, batch),
-        "flow": lambda: _flow_error(prediction.flow, prediction, batch),
+        "seen": lambda: _flow_error(prediction.seen, prediction, batch, besides=prediction.taken),
+        "flow": lambda: _flow_error(prediction.flow, prediction, batch, besides=prediction.taken),
         "twist": lambda: _twist(prediction, batch, mean_depth.flatten()),
         "velocity": lambda: _velocity(prediction, batch, mean_depth),
         "direction": lambda: _direction(prediction, batch),
@@ -79,45 +84,82 @@ def terms(prediction: Prediction, batch: Batch, mean_depth: Tensor, recipe: Reci
         "mask_smoothness": lambda: mixture_smoothness(prediction.mixture),
         "depth": lambda: depth_loss(prediction.rel_depth, batch.depth / mean_depth, _known(batch)),
         "depth_smoothness": lambda: depth_smoothness(prediction.rel_depth),
-        "coarse_warp": lambda: _coarse_warp(prediction, batch),
-        "fine_warp": lambda: _fine_warp(prediction, batch),
+        "coarse_warp": lambda: _coarse_warp(prediction.flow, prediction, batch),
+        "fine_warp": lambda: _fine_warp(prediction.flow, prediction, batch),
     }
     return {name: named[name]() for name, weight in recipe.weights.items() if weight}
 
 
-def objective(
-    model: MotionNet, batch: Batch, recipe: Recipe, *, with_masks: bool = True
-) -> tuple[Tensor, dict[str, float]]:
-    """The total loss of a batch over all scales, and the mean of each term.
+def first_terms(answer: FirstAnswer, batch: Batch, mean_depth: Tensor, recipe: Recipe) -> dict[str, Tensor]:
+    """Per-pixel losses of the first pass, (B, 1, h, w) each, of the terms the recipe names; as `terms`."""
+    prediction = as_prediction(answer, batch.intrinsics)
+    here = at_scale(batch, prediction)
+    still = here._replace(depth_valid=here.depth_valid & ~here.moving)
+    named: dict[str, Callable[[], Tensor]] = {
+        "seen": lambda: _flow_error(prediction.seen, prediction, here),
+        "rigid": lambda: _flow_error(prediction.flow, prediction, still),
+        "twist": lambda: _twist(prediction, here, mean_depth.flatten()),
+        "depth": lambda: depth_loss(prediction.rel_depth, here.depth / mean_depth, _known(here)),
+        "coarse_warp": lambda: _coarse_warp(prediction.flow, prediction, here),
+        "fine_warp": lambda: _fine_warp(prediction.flow, prediction, here),
+    }
+    return {name: named[name]() for name, weight in recipe.first.items() if weight}
 
-    `with_masks` is False while motion is trained first.
-    """
+
+def as_prediction(answer: FirstAnswer, intrinsics: Tensor) -> Prediction:
+    """What the first pass alone would answer: that nothing moves by itself."""
+    still = torch.zeros_like(answer.rel_depth)
+    per_second = SLICES_PER_S / intrinsics[:, :2, None, None]
+    return Prediction(
+        rel_depth=answer.rel_depth,
+        ego=answer.ego * SLICES_PER_S,
+        residual=answer.ego.new_zeros(len(answer.ego), 1, 3),
+        mixture=torch.cat((still + 1, still), dim=1),
+        seen=answer.flow * per_second,
+        taken=answer.flow * 0,
+        intrinsics=resized_intrinsics(intrinsics, (FIRST_STEP, FIRST_STEP), (1, 1)),
+        valid=answer.valid,
+    )
+
+
+def objective(model: MotionNet, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[str, float]]:
+    """The total loss of a batch over both passes and all scales, and the mean of each term."""
     mean_depth = mean_over(batch.depth, batch.depth_valid)
-    per_scale = [
-        terms(prediction, at_scale(batch, prediction, model.config.stride), mean_depth, recipe)
-        for prediction in model(batch.frames, batch.valid, batch.intrinsics)
-    ]
-    joined = {name: weighted_total([scale[name] for scale in per_scale]) for name in per_scale[0]}
-    waiting = set[str]() if with_masks else {"mask", "dice"}
-    weights = {name: 0.0 if name in waiting else recipe.weights[name] for name in joined}
+    first = model.first(batch.voxels, batch.fits, batch.valid, batch.intrinsics, batch.rotation)
+    of_first = first_terms(first, batch, mean_depth, recipe)
+    answers = model.second(
+        batch.sharp_voxels, batch.sharp_fits, batch.valid, taken_out(batch, first), batch.intrinsics, batch.rotation
+    )
+    per_scale = [terms(answer, at_scale(batch, answer), mean_depth, recipe) for answer in answers]
+    joined = {f"first_{name}": weighted_total([value]) for name, value in of_first.items()}
+    joined |= {name: weighted_total([scale[name] for scale in per_scale]) for name in per_scale[0]}
+    weights = {f"first_{name}": recipe.first[name] for name in of_first}
+    weights |= {name: recipe.weights[name] for name in per_scale[0]}
     return total(joined, weights), {name: float(value.detach()) for name, value in joined.items()}
+
+
+def taken_out(batch: Batch, first: FirstAnswer) -> Compensation:
+    """What was taken out of the batch's events, beside the flow that the first pass saw."""
+    answer = first._replace(rel_depth=batch.taken_depth, ego=batch.taken_ego)
+    prediction = as_prediction(answer, batch.intrinsics)
+    rigid = prediction.flow * batch.intrinsics[:, :2, None, None] / SLICES_PER_S
+    return Compensation(batch.taken_ego, batch.taken_depth, rigid, first.flow.detach())
 
 
 def _known(batch: Batch) -> Tensor:
     return (batch.valid > 0) & batch.depth_valid
 
 
-def _flow_error(flow: Tensor, prediction: Prediction, batch: Batch) -> Tensor:
-    """Compressed error in px of this scale per slice."""
+def _flow_error(flow: Tensor, prediction: Prediction, batch: Batch, *, besides: Tensor | None = None) -> Tensor:
+    """Compressed error in px of this scale per slice, of the flow besides the one that was taken out.
+
+    It counts most where events are, elsewhere flow can only be guessed, and on what moves by itself.
+    """
     to_px = prediction.intrinsics[:, :2, None, None] / SLICES_PER_S
-    return flow_loss(flow * to_px, batch.flow * to_px, _known(batch), knee=3.0)
-
-
-def _seen(prediction: Prediction, batch: Batch) -> Tensor:
-    """The seen flow counts most where events are: elsewhere it can only be guessed."""
-    middle = batch.frames[:, batch.frames.shape[1] // 2, :2].sum(1, keepdim=True)
-    near_events = max_pool2d(middle, 3, 1, 1) > 0
-    return _flow_error(prediction.seen, prediction, batch) * (0.3 + near_events)
+    taken = 0 if besides is None else besides
+    near_events = max_pool2d(batch.voxels[:, _MIDDLE].sum(1, keepdim=True), 3, 1, 1) > 0
+    error = flow_loss((flow - taken) * to_px, (batch.flow - taken) * to_px, _known(batch), knee=3.0)
+    return error * (0.2 + near_events) * (1 + _MOVERS * batch.moving)
 
 
 def _spread(per_sample: Tensor, prediction: Prediction) -> Tensor:
@@ -157,17 +199,26 @@ def _mask(prediction: Prediction, batch: Batch, moving_share: float) -> Tensor:
     )
 
 
-def _px_per_s(prediction: Prediction) -> Tensor:
-    return prediction.flow * prediction.intrinsics[:, :2, None, None]
+def _px_per_s(flow: Tensor, prediction: Prediction) -> Tensor:
+    return flow * prediction.intrinsics[:, :2, None, None]
 
 
-def _coarse_warp(prediction: Prediction, batch: Batch) -> Tensor:
-    slices = batch.frames.shape[1]
-    elapsed_s = (torch.arange(slices, device=batch.frames.device) - slices // 2) / SLICES_PER_S
-    return coarse_warp_loss(batch.frames, _px_per_s(prediction), batch.valid > 0, elapsed_s=elapsed_s)
+def slice_frames(counts: Tensor) -> Tensor:
+    """Event frames (B, 5, 3, h, w) from counts (B, 30, h, w) by slice, bin and polarity; times are those of bins."""
+    by_slice = counts.unflatten(1, (SLICES, BINS, 2))
+    times = (torch.arange(BINS, device=counts.device) + 0.5) / BINS
+    events = by_slice.sum(3)
+    time = (events * times.view(1, 1, BINS, 1, 1)).sum(2) / events.sum(2).clamp(min=1e-6)
+    return torch.cat((by_slice.sum(2), time[:, :, None]), dim=2)
 
 
-def _fine_warp(prediction: Prediction, batch: Batch) -> Tensor:
+def _coarse_warp(flow: Tensor, prediction: Prediction, batch: Batch) -> Tensor:
+    elapsed_s = (torch.arange(SLICES, device=flow.device) - SLICES // 2) / SLICES_PER_S
+    frames = slice_frames(batch.voxels)
+    return coarse_warp_loss(frames, _px_per_s(flow, prediction), batch.valid > 0, elapsed_s=elapsed_s)
+
+
+def _fine_warp(flow: Tensor, prediction: Prediction, batch: Batch) -> Tensor:
     if batch.events is None:
         raise BadInput("a batch without events", fix="draw it with events=True")
-    return fine_warp_loss(_px_per_s(prediction), batch.events).mean(1, keepdim=True)
+    return fine_warp_loss(_px_per_s(flow, prediction), batch.events).mean(1, keepdim=True)

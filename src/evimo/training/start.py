@@ -44,28 +44,27 @@ def start(
     """
     torch.manual_seed(config.seed)
     model = MotionNet(PRESETS[preset]).to(device) if preset in PRESETS else load_model(preset, device=device)
-    trainer = Trainer(model, config, sample_groups(data, progress), out, knows_motion=preset not in PRESETS)
+    trainer = Trainer(model, config, training_samples(data, progress), out)
     trainer.resume()
     return trainer
 
 
-def sample_groups(data: list[Path], progress: Callable[[int, int], None]) -> list[Samples]:
-    """The samples of all recordings, grouped by the size of their images.
+def training_samples(data: list[Path], progress: Callable[[int, int], None]) -> Samples:
+    """The samples of all recordings.
 
     Raises:
-        BadFile: no recording has a slice with truth.
+        BadFile: no recording has a slice with truth and an event.
     """
     folders = recording_folders(data)
     _allow_open_files(len(folders) * (len(NAMES) + len(EVENT_NAMES)))
-    by_size: dict[tuple[int, ...], list[Prepared]] = {}
+    recordings: list[Prepared] = []
     for done, folder in enumerate(folders):
-        recording = open_prepared(prepare(folder))
-        by_size.setdefault(recording.valid.shape, []).append(recording)
+        recordings.append(open_prepared(prepare(folder)))
         progress(done + 1, len(folders))
-    groups = [group for group in map(samples_of, by_size.values()) if len(group)]
-    if not groups:
-        raise BadFile("no recording has a slice with truth", fix="simulate recordings of at least 0.025 s")
-    return groups
+    samples = samples_of(recordings)
+    if not len(samples):
+        raise BadFile("no recording has a slice with truth and an event", fix="simulate recordings of at least 0.025 s")
+    return samples
 
 
 def _allow_open_files(count: int) -> None:
