@@ -178,9 +178,8 @@ def _used_depth(motion: StaticMotion, window: Window) -> NDArray[np.float32]:
     height, width = (side // DEPTH_STEP for side in window.size)
     rows = np.minimum((np.arange(height) * DEPTH_STEP + window.top + 2) // motion.step, len(motion.inv_depth) - 1)
     columns = (np.arange(width) * DEPTH_STEP + window.left + 2) // motion.step
-    return np.reciprocal(np.maximum(
-        motion.inv_depth[rows][:, np.minimum(columns, motion.inv_depth.shape[1] - 1)], np.float32(0.02)
-    )
+    used = motion.inv_depth[rows][:, np.minimum(columns, motion.inv_depth.shape[1] - 1)]
+    return np.reciprocal(np.maximum(used, np.float32(0.02)))
 
 
 def _stacked(rows: Sequence[tuple[np.ndarray, ...]], *, events: bool) -> Batch:
