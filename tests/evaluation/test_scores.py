@@ -1,12 +1,16 @@
 """Scores of hand-made predictions on the hand-made world."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from pytest import approx
 
 from evimo.evaluation.labels import labelled
 from evimo.evaluation.scores import (
     Score,
     added,
+    at_rest,
     depth_scale,
     depth_scores,
     estimate_scores,
@@ -79,6 +83,7 @@ def test_flow_is_averaged_over_pixels_with_events_and_over_all(sample):
     assert value(scores, "flow") == approx((4 * 40 + 5 * 50) / 9)  # pixels with events: 4 left, 5 right
     assert value(scores, "flow_movers") == approx(40)
     assert value(scores, "flow_ratio") == approx((4 * 40 + 5 * 50) / 9 / 50)
+    assert value(scores, "flow_movers_ratio") == approx(40 / 50)
 
 
 def test_flow_without_truth_or_events_is_not_scored(sample, still_sample):
@@ -95,6 +100,7 @@ def test_twist_in_mean_depths_is_scaled_by_norm_or_by_depth(sample):
     scores = twist_scores(sample.truth.ego * [0.25, 0, 0.25, 1, 1, 1], sample, metres=metres)  # half as fast
     assert value(scores, "camera_aee") == approx(0)
     assert value(scores, "camera_aee_depth") == approx(0.25)
+    assert value(scores, "aee_depth_ratio") == approx(0.5)
     assert value(scores, "camera_rre") == approx(0)
     assert value(scores, "direction") == approx(0)
 
@@ -107,6 +113,17 @@ def test_a_wrong_twist_scores_its_difference(sample):
     assert value(scores, "rre_ratio") == approx(1.5)
     assert value(scores, "direction") == approx(180)
     assert "camera_aee_depth" not in scores
+
+
+@pytest.mark.parametrize(("speed_m_s", "scored"), [(0, False), (0.049, False), (0.051, True)])
+def test_a_camera_slower_than_5_cm_per_second_is_at_rest_and_only_its_rotation_is_scored(sample, speed_m_s, scored):
+    truth = replace(sample.truth, ego=np.array([0, 0, speed_m_s, 0, 0, 0.2]))
+    slow = replace(sample, truth=truth)
+    scores = twist_scores(np.array([0.1, 0, 0, 0, 0, 0.1]), slow, metres=1.0)
+    translation = {"camera_aee", "aee_ratio", "camera_aee_depth", "aee_depth_ratio", "direction"}
+    assert set(scores) == {"camera_rre", "rre_ratio"} | (translation if scored else set())
+    assert value(scores, "rre_ratio") == approx(0.5)
+    assert at_rest(slow) is not scored
 
 
 def object_map(sample, velocity):

@@ -32,17 +32,22 @@ COLUMNS: tuple[Column, ...] = (
     Column("flow", "flow", "lower", "endpoint error at pixels with events, mean over pixels, then slices", 1, "px/s"),
     Column("flow_dense", "dense flow", "lower", "the same at all pixels", 1, "px/s"),
     Column("flow_movers", "movers' flow", "lower", "the same at pixels with events on movers", 1, "px/s"),
-    Column("flow_ratio", "flow / zero", "lower", "summed flow error over that of zero flow"),
+    Column("flow_ratio", "flow / zero", "lower", "summed flow error at pixels with events over that of zero flow"),
+    Column("flow_movers_ratio", "movers' flow / zero", "lower", "the same at pixels with events on movers"),
     Column(
-        "camera_aee", "cam AEE", "lower", "error of camera velocity, rescaled per slice to the true speed", 3, "m/s"
+        "camera_aee",
+        "cam AEE",
+        "lower",
+        "error of the velocity of a camera that is not at rest, rescaled per slice to the true speed",
+        3,
+        "m/s",
     ),
-    Column("camera_aee_depth", "cam AEE, depth", "lower", "the same, scaled by the median depths' ratio", 3, "m/s"),
     Column("aee_ratio", "AEE / zero", "lower", "summed camera AEE over that of a zero twist"),
+    Column("camera_aee_depth", "cam AEE, depth", "lower", "cam AEE scaled by the median depths' ratio", 3, "m/s"),
+    Column("aee_depth_ratio", "AEE, depth / zero", "lower", "the same, summed, over that of a zero twist"),
     Column("camera_rre", "cam RRE", "lower", "angle of R_predᵀ R_true of a slice, per second", 3, "rad/s"),
     Column("rre_ratio", "RRE / zero", "lower", "summed RRE over that of a zero twist"),
-    Column(
-        "direction", "direction", "lower", "angle of camera velocities where faster than 5 cm/s; zero is 90", 1, "°"
-    ),
+    Column("direction", "direction", "lower", "angle of camera velocities where it is not at rest; zero is 90", 1, "°"),
     Column(
         "object_aee", "obj AEE", "lower", "error of object velocity averaged in the true mask, true speed", 3, "m/s"
     ),
@@ -75,9 +80,10 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         *("clutter", "resting", "background", "false_alarm_events", "false_alarm_pixels"),
     ),
     "motion": (
-        *("camera_aee", "camera_aee_depth", "aee_ratio", "camera_rre", "rre_ratio", "direction"),
-        *("object_aee", "object_aee_depth", "objects_found", "flow", "flow_dense", "flow_movers", "flow_ratio"),
+        *("camera_aee", "aee_ratio", "camera_aee_depth", "aee_depth_ratio", "camera_rre", "rre_ratio", "direction"),
+        *("object_aee", "object_aee_depth", "objects_found"),
     ),
+    "flow": ("flow", "flow_ratio", "flow_movers", "flow_movers_ratio", "flow_dense"),
     "depth": (
         *("abs_rel", "rmse_log", "silog", "delta_1", "delta_2", "delta_3"),
         *("abs_rel_events", "rmse_log_events", "silog_events", "delta_1_events", "delta_2_events", "delta_3_events"),
@@ -94,7 +100,8 @@ CONVENTIONS: tuple[str, ...] = (
     "Flow is on the plane Z = 1 times the sensor's focal length: px/s of a pinhole image, the lens left out.",
     "Velocities are in camera axes, objects relative to the static world, seen in at least 30 scored pixels.",
     "Scale of velocities from truth: the true norm per slice, or (depth) median true over median predicted depth."
-    " A zero velocity stays zero: its error is the true speed. With the true norm a camera at rest has no error.",
+    " A zero velocity stays zero: its error is the true speed.",
+    "A camera slower than 5 cm/s is at rest: such slices are counted, and left out of AEE and direction.",
     "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames.",
     "Event density is the event count in a box of 1/13 of the width, over the mean of the frame; the oracle threshold"
     " is the one with the best IoU on these very recordings.",

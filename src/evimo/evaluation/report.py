@@ -15,7 +15,7 @@ from evimo.evaluation.scores import Score, Scores, added
 Key = TypeVar("Key")
 
 MODEL = "model"
-FORMAT = 1
+FORMAT = 2
 """Of report.json; grows when the meaning of a number changes, so that older files are not mixed with newer ones."""
 
 

@@ -12,7 +12,8 @@ from evimo.evaluation.metrics import Floats, Mask
 from evimo.recordings.estimate import Estimate
 
 SMALL_AREA_PX = 30
-DIRECTION_FROM_M_S = 0.05
+AT_REST_M_S = 0.05
+"""A camera slower than this is at rest: the direction of its velocity says nothing, and any length of it is noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,8 @@ def depth_scale(rel_depth: Floats, sample: LabelledSlice) -> float | None:
 def flow_scores(flow: Floats, sample: LabelledSlice) -> Scores:
     """Endpoint error in px/s of image velocity (2, H, W): mean over pixels, then slices; dense and at event pixels.
 
-    `flow_ratio` is the summed error at event pixels over the error of zero flow: below 1 the model sees motion.
+    `flow_ratio` is the summed error at event pixels over the error of zero flow: below 1 the model sees motion;
+    `flow_movers_ratio` the same at event pixels of movers.
     """
     if sample.flow is None:
         return {}
@@ -115,29 +117,37 @@ def flow_scores(flow: Floats, sample: LabelledSlice) -> Scores:
         scores["flow_ratio"] = Score(float(error[at_events].mean()), float(length[at_events].mean()))
     if (at_movers := known & sample.active & sample.moving).any():
         scores["flow_movers"] = Score(float(error[at_movers].mean()), 1)
+        scores["flow_movers_ratio"] = Score(float(error[at_movers].mean()), float(length[at_movers].mean()))
     return scores
+
+
+def at_rest(sample: LabelledSlice) -> bool:
+    """Whether the camera is slower than 5 cm/s now; its translation is not scored then."""
+    return float(np.linalg.norm(sample.truth.ego[:3])) < AT_REST_M_S
 
 
 def twist_scores(ego: Floats, sample: LabelledSlice, *, metres: float | None) -> Scores:
     """Camera velocity and rotation errors of a twist (6,) in mean depths/s and rad/s; `metres` per mean depth.
 
-    `aee_ratio` and `rre_ratio` are the summed errors over those of a zero twist: below 1 the model sees motion.
+    Errors of the velocity only where the camera is not at rest. A `…_ratio` is the summed error over that of a zero
+    twist: below 1 the model sees motion.
     """
     true_velocity, true_rotation = sample.truth.ego[:3], sample.truth.ego[3:]
     velocity, rotation = ego[:3], ego[3:]
-    aee = float(metrics.endpoint_error(metrics.scaled_to(velocity, true_velocity), true_velocity))
     rre = float(metrics.rotation_error(rotation, true_rotation, dt_s=sample.dt_s))
-    speed, turning = float(np.linalg.norm(true_velocity)), float(np.linalg.norm(true_rotation))
-    scores = {
+    scores = {"camera_rre": Score(rre, 1), "rre_ratio": Score(rre, float(np.linalg.norm(true_rotation)))}
+    if at_rest(sample):
+        return scores
+    speed = float(np.linalg.norm(true_velocity))
+    aee = float(metrics.endpoint_error(metrics.scaled_to(velocity, true_velocity), true_velocity))
+    scores |= {
         "camera_aee": Score(aee, 1),
-        "camera_rre": Score(rre, 1),
         "aee_ratio": Score(aee, speed),
-        "rre_ratio": Score(rre, turning),
+        "direction": Score(float(metrics.direction_error(velocity, true_velocity)), 1),
     }
     if metres is not None:
-        scores["camera_aee_depth"] = Score(float(metrics.endpoint_error(velocity * metres, true_velocity)), 1)
-    if speed > DIRECTION_FROM_M_S:
-        scores["direction"] = Score(float(metrics.direction_error(velocity, true_velocity)), 1)
+        by_depth = float(metrics.endpoint_error(velocity * metres, true_velocity))
+        scores |= {"camera_aee_depth": Score(by_depth, 1), "aee_depth_ratio": Score(by_depth, speed)}
     return scores
 
 

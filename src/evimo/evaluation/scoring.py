@@ -10,7 +10,7 @@ from evimo.evaluation import baselines
 from evimo.evaluation.labels import LabelledSlice, labelled
 from evimo.evaluation.metrics import Mask
 from evimo.evaluation.report import MODEL, Report
-from evimo.evaluation.scores import estimate_scores
+from evimo.evaluation.scores import at_rest, estimate_scores
 from evimo.events.slices import SLICE_US, Slice, in_slices
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.flow import true_flow
@@ -113,6 +113,7 @@ def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_th
     counts = {
         "slices": 1,
         "slices without movers": int(not sample.moving.any()),
+        "slices with the camera at rest": int(at_rest(sample)),
         "events scored": len(sample.events),
         "pixels scored": int(np.count_nonzero(sample.scored)),
         "pixels of the sensor": sample.scored.size,

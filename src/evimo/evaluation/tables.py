@@ -47,7 +47,9 @@ def notes(report: Report) -> Iterator[str]:
     yield ", ".join(f"{what}: {value}" for what, value in report.settings.items())
     for name, what in (
         ("flow_ratio", "zero flow"),
+        ("flow_movers_ratio", "zero flow on movers"),
         ("aee_ratio", "zero twist (AEE)"),
+        ("aee_depth_ratio", "zero twist (AEE, depth)"),
         ("rre_ratio", "zero twist (RRE)"),
     ):
         if (ratio := report.value(MODEL, name)) is not None:
