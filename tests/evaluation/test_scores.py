@@ -14,6 +14,7 @@ from evimo.evaluation.scores import (
     depth_scale,
     depth_scores,
     estimate_scores,
+    event_label_scores,
     flow_scores,
     mask_scores,
     object_scores,
@@ -57,6 +58,19 @@ def test_perfect_masks_score_one_and_touch_nothing_static(sample):
     ones = {"iou", "iou_pooled", "event_iou", "event_iou_frames", "recall", "recall_dense"}
     assert {name for name, score in scores.items() if score.value == 1} == ones
     assert {name for name, score in scores.items() if score.value == 0} == {"clutter", "resting", "background"}
+
+
+def test_events_are_asked_where_they_come_from_and_not_only_where_the_mask_is(sample):
+    ids = np.array([1, 0, 1, 1, 1, 0, 2, 0, 0, 0], np.uint8)  # the second left its pixel's mask, the fifth is ahead
+    known = replace(sample, event_ids=ids)
+    called = np.array([1, 0, 0, 1, 1, 1, 0, 0, 0, 0], bool)
+    scores = event_label_scores(called, known)
+    assert value(scores, "event_iou") == approx(2 / 6)  # by the mask: events 0 to 3 move
+    assert value(scores, "event_iou_own") == approx(3 / 5)  # by themselves: 0, 2, 3, 4; object 2 rests
+    assert "event_iou_own" not in event_label_scores(called, sample)
+    from_mask = mask_scores(sample.moving, known)
+    assert value(from_mask, "event_iou") == 1
+    assert value(from_mask, "event_iou_own") == approx(3 / 5)  # no still mask is right about every event
 
 
 def test_false_alarms_are_counted_where_nothing_moves_and_only_there(still_sample, box):

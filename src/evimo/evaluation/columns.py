@@ -22,6 +22,9 @@ COLUMNS: tuple[Column, ...] = (
     Column("iou_pooled", "pooled IoU", "higher", "dense, intersections over unions summed over all frames"),
     Column("event_iou", "event IoU", "higher", "events labelled by the mask at their pixel, summed over all frames"),
     Column("event_iou_frames", "event IoU, frames", "higher", "the same, mean over frames with a moving event"),
+    Column(
+        "event_iou_own", "event IoU, own", "higher", "event IoU against the object that each event says it comes from"
+    ),
     Column("recall", "recall", "higher", "share of the movers' pixels with events called moving"),
     Column("recall_dense", "dense recall", "higher", "share of the movers' pixels called moving"),
     Column("clutter", "clutter", "lower", "share of the static clutter's pixels with events called moving"),
@@ -76,7 +79,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         *("camera_aee", "camera_rre", "direction", "object_aee", "abs_rel", "delta_1"),
     ),
     "moving mask": (
-        *("iou", "iou_30px", "iou_pooled", "event_iou", "event_iou_frames", "recall", "recall_dense"),
+        *("iou", "iou_30px", "iou_pooled", "event_iou", "event_iou_frames", "event_iou_own"),
+        *("recall", "recall_dense"),
         *("clutter", "resting", "background", "false_alarm_events", "false_alarm_pixels"),
     ),
     "motion": (

@@ -17,17 +17,21 @@ MOVING_RAD_S = float(np.deg2rad(10))
 class LabelledSlice:
     """Everything the scores of one slice need besides the prediction; maps are (H, W) in sensor pixels.
 
-    events:   those of the slice whose pixel is `scored`.
-    scored:   pixels the lens maps into the rectified image: elsewhere the model says nothing and nothing is scored.
-    moving:   an object that moves at this instant is seen here (all pixels, `scored` or not).
-    resting:  an object that could move but rests is seen here.
-    active:   `scored` pixels with at least one event.
-    flow:     (2, H, W) true image velocity on the plane Z = 1 in 1/s, or None where it is not known.
-    focal_px: (fx, fy) of the sensor's camera.
-    dt_s:     length of the slice.
+    events:    those of the slice whose pixel is `scored`.
+    kept:      (M,) which of all the slice's events they are: labels of all become theirs by `labels[sample.kept]`.
+    event_ids: the object that made each of `events`, by its own word, 0 is static; None where it is not known.
+    scored:    pixels the lens maps into the rectified image: elsewhere the model says nothing and nothing is scored.
+    moving:    an object that moves at this instant is seen here (all pixels, `scored` or not).
+    resting:   an object that could move but rests is seen here.
+    active:    `scored` pixels with at least one event.
+    flow:      (2, H, W) true image velocity on the plane Z = 1 in 1/s, or None where it is not known.
+    focal_px:  (fx, fy) of the sensor's camera.
+    dt_s:      length of the slice.
     """
 
     events: Events
+    kept: Mask
+    event_ids: NDArray[np.uint8] | None
     truth: Truth
     scored: Mask
     moving: Mask
@@ -44,9 +48,9 @@ def is_moving(body: ObjectTruth) -> bool:
     return speed > MOVING_M_S or turning > MOVING_RAD_S
 
 
-def moving_mask(truth: Truth) -> Mask:
-    """(H, W), where an object that moves at this instant is seen."""
-    return np.isin(truth.ids, [key for key, body in truth.objects.items() if is_moving(body)])
+def of_moving(ids: NDArray[np.uint8], truth: Truth) -> Mask:
+    """Which of the ids, of pixels or of events, are those of objects that move at this instant."""
+    return np.isin(ids, [key for key, body in truth.objects.items() if is_moving(body)])
 
 
 def labelled(
@@ -57,12 +61,25 @@ def labelled(
     focal_px: tuple[float, float],
     dt_s: float,
     flow: NDArray[np.float32] | None = None,
+    event_ids: NDArray[np.uint8] | None = None,
 ) -> LabelledSlice:
-    """A slice's events and truth as one `LabelledSlice`."""
-    moving = moving_mask(truth)
+    """A slice's events and truth as one `LabelledSlice`; `event_ids` of all its events."""
+    moving = of_moving(truth.ids, truth)
     kept = scored[events.y, events.x]
     inside = Events(events.x[kept], events.y[kept], events.t[kept], events.p[kept])
     active = np.zeros(scored.shape, np.bool_)
     active[inside.y, inside.x] = True
     resting = (truth.ids > 0) & ~moving
-    return LabelledSlice(inside, truth, scored, moving, resting, active, flow, focal_px, dt_s)
+    return LabelledSlice(
+        events=inside,
+        kept=kept,
+        event_ids=None if event_ids is None else event_ids[kept],
+        truth=truth,
+        scored=scored,
+        moving=moving,
+        resting=resting,
+        active=active,
+        flow=flow,
+        focal_px=focal_px,
+        dt_s=dt_s,
+    )

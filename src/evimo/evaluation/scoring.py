@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evimo.errors import BadInput
 from evimo.evaluation import baselines
@@ -16,6 +17,7 @@ from evimo.recordings.estimate import Estimate
 from evimo.recordings.flow import true_flow
 from evimo.recordings.recording import Recording
 
+IdentifiedSlice = tuple[Slice, NDArray[np.uint8] | None]
 MATCH_US = 1_000
 """Truth further than this from the slice's centre is not the truth of that slice."""
 
@@ -31,15 +33,26 @@ class Labeller:
         points, self.seen = recording.camera.normalised(pixels)
         self.grid = np.moveaxis(points, -1, 0).astype(np.float64)
 
-    def slices(self, start_us: int) -> Iterator[Slice]:
-        """Every slice from that time on, the unfinished last one too."""
-        events = self.recording.events
-        return in_slices(events.packets(start_us), start_us=start_us, stop_us=events.stop_us + SLICE_US)
+    def slices(self, start_us: int) -> Iterator[IdentifiedSlice]:
+        """Every slice from that time on, the unfinished last one too, and its events' own ids where they are known.
 
-    def label(self, part: Slice, scored: Mask) -> LabelledSlice | None:
+        Ids are told apart by nothing but their order, so that events are counted from the recording's start; where
+        events had to be sorted or dropped, no id is known.
+        """
+        events, ids = self.recording.events, self.recording.event_ids
+        begin_us, first = min(start_us, events.start_us), 0
+        for part in in_slices(events.packets(begin_us), start_us=begin_us, stop_us=events.stop_us + SLICE_US):
+            last = first + len(part.events)
+            orderly = not (events.faults.out_of_order or events.faults.dropped)
+            if part.stop_us > start_us:
+                yield part, ids[first:last] if ids is not None and orderly else None
+            first = last
+
+    def label(self, part: Slice, scored: Mask, *, event_ids: NDArray[np.uint8] | None = None) -> LabelledSlice | None:
         """The slice with its truth; None where none is known within a millisecond of its centre.
 
         scored: (H, W), pixels to score; those where the lens model does not hold are left out too.
+        event_ids: the object that made each event of the slice.
         """
         recording = self.recording
         if not len(recording):
@@ -55,6 +68,7 @@ class Labeller:
             focal_px=(recording.camera.fx, recording.camera.fy),
             dt_s=(part.stop_us - part.start_us) * 1e-6,
             flow=true_flow(truth, self.grid).astype(np.float32),
+            event_ids=event_ids,
         )
 
 
@@ -62,8 +76,8 @@ def labelled_slices(recording: Recording) -> Iterator[LabelledSlice]:
     """Every slice of the recording whose truth is known, all pixels scored."""
     labeller = Labeller(recording)
     everywhere = np.ones(recording.camera.size, np.bool_)
-    for part in labeller.slices(recording.events.start_us):
-        if (sample := labeller.label(part, everywhere)) is not None:
+    for part, ids in labeller.slices(recording.events.start_us):
+        if (sample := labeller.label(part, everywhere, event_ids=ids)) is not None:
             yield sample
 
 
@@ -76,13 +90,13 @@ def labelled_estimates(
         BadInput: the estimates do not follow the recording's slices.
     """
     labeller = Labeller(recording)
-    slices: Iterator[Slice] | None = None
+    slices: Iterator[IdentifiedSlice] | None = None
     for estimate in estimates:
         slices = slices or labeller.slices(estimate.start_us)
-        part = next((each for each in slices if each.start_us >= estimate.start_us), None)
+        part, ids = next((each for each in slices if each[0].start_us >= estimate.start_us), (None, None))
         if part is None or part.start_us != estimate.start_us:
             raise BadInput(f"an estimate at {estimate.t_us} µs has no slice", fix="estimates of this very recording")
-        yield estimate, labeller.label(part, estimate.valid)
+        yield estimate, labeller.label(part, estimate.valid, event_ids=ids)
 
 
 def score_recording(
