@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from evimo.evaluation.ceilings import NEAREST_M, THRESHOLD_PX
+
 
 @dataclass(frozen=True, slots=True)
 class Column:
@@ -106,6 +108,9 @@ CONVENTIONS: tuple[str, ...] = (
     "Scale of velocities from truth: the true norm per slice, or (depth) median true over median predicted depth."
     " A zero velocity stays zero: its error is the true speed.",
     "A camera slower than 5 cm/s is at rest: such slices are counted, and left out of AEE and direction.",
+    f"The rows of true flow are no answers but ceilings: moving is where it differs by more than {THRESHOLD_PX} px per"
+    " slice from what a static point does at the true depth, or (depth unknown) at any depth beyond"
+    f" {NEAREST_M} m. One camera cannot tell more from motion alone in one instant.",
     "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames.",
     "Event density is the event count in a box of 1/13 of the width, over the mean of the frame; the oracle threshold"
     " is the one with the best IoU on these very recordings.",

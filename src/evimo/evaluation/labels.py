@@ -14,6 +14,20 @@ MOVING_RAD_S = float(np.deg2rad(10))
 
 
 @dataclass(frozen=True, slots=True)
+class Residual:
+    """How far the true flow differs from what the static world does, px per slice, (H, W), each pixel on its own.
+
+    depth_known:   from the flow of a static point at the pixel's true depth.
+    depth_unknown: from the nearest of the flows that static points at any depth have.
+    valid:         where depth is known; elsewhere nothing is said.
+    """
+
+    depth_known: NDArray[np.float32]
+    depth_unknown: NDArray[np.float32]
+    valid: Mask
+
+
+@dataclass(frozen=True, slots=True)
 class LabelledSlice:
     """Everything the scores of one slice need besides the prediction; maps are (H, W) in sensor pixels.
 
@@ -25,6 +39,7 @@ class LabelledSlice:
     resting:   an object that could move but rests is seen here.
     active:    `scored` pixels with at least one event.
     flow:      (2, H, W) true image velocity on the plane Z = 1 in 1/s, or None where it is not known.
+    residual:  motion against the static world, or None where flow is not known.
     focal_px:  (fx, fy) of the sensor's camera.
     dt_s:      length of the slice.
     """
@@ -38,6 +53,7 @@ class LabelledSlice:
     resting: Mask
     active: Mask
     flow: NDArray[np.float32] | None
+    residual: Residual | None
     focal_px: tuple[float, float]
     dt_s: float
 
@@ -61,6 +77,7 @@ def labelled(
     focal_px: tuple[float, float],
     dt_s: float,
     flow: NDArray[np.float32] | None = None,
+    residual: Residual | None = None,
     event_ids: NDArray[np.uint8] | None = None,
 ) -> LabelledSlice:
     """A slice's events and truth as one `LabelledSlice`; `event_ids` of all its events."""
@@ -80,6 +97,7 @@ def labelled(
         resting=resting,
         active=active,
         flow=flow,
+        residual=residual,
         focal_px=focal_px,
         dt_s=dt_s,
     )

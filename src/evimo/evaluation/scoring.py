@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadInput
-from evimo.evaluation import baselines
+from evimo.evaluation import baselines, ceilings
+from evimo.evaluation.ceilings import residual_motion
 from evimo.evaluation.labels import LabelledSlice, labelled
 from evimo.evaluation.metrics import Mask
 from evimo.evaluation.report import MODEL, Report
@@ -61,13 +62,16 @@ class Labeller:
         if abs(int(recording.times_us[k]) - part.centre_us) > MATCH_US:
             return None
         truth = recording.truth(k)
+        focal_px, dt_s = (recording.camera.fx, recording.camera.fy), (part.stop_us - part.start_us) * 1e-6
+        flow = true_flow(truth, self.grid)
         return labelled(
             part.events,
             truth,
             scored=scored & self.seen,
-            focal_px=(recording.camera.fx, recording.camera.fy),
-            dt_s=(part.stop_us - part.start_us) * 1e-6,
-            flow=true_flow(truth, self.grid).astype(np.float32),
+            focal_px=focal_px,
+            dt_s=dt_s,
+            flow=flow.astype(np.float32),
+            residual=residual_motion(truth, flow, self.grid, px_per_slice=(focal_px[0] * dt_s, focal_px[1] * dt_s)),
             event_ids=event_ids,
         )
 
@@ -123,7 +127,7 @@ def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_th
     density = baselines.density_scores(sample, (*baselines.THRESHOLDS, density_threshold))
     rows = {MODEL: estimate_scores(estimate, sample), **baselines.trivial_scores(sample)}
     rows[baselines.DENSITY] = density[density_threshold]
-    rows = {row: rows[row] for row in (MODEL, *baselines.ROWS)}
+    rows = {row: rows[row] for row in (MODEL, *baselines.ROWS)} | ceilings.ceiling_scores(sample)
     counts = {
         "slices": 1,
         "slices without movers": int(not sample.moving.any()),
