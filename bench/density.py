@@ -17,7 +17,8 @@ from rich.table import Table
 from evimo.cli.evaluate import recordings_in
 from evimo.evaluation.baselines import THRESHOLDS, best_threshold, density_scores
 from evimo.evaluation.labels import LabelledSlice
-from evimo.evaluation.scores import Scores, added, mask_scores
+from evimo.evaluation.ratios import Scores, added
+from evimo.evaluation.scores import mask_scores
 from evimo.evaluation.scoring import labelled_slices
 from evimo.recordings.recording import open_recording
 

@@ -10,8 +10,9 @@ from rich.console import Console
 from evimo.errors import BadFile, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.columns import BY_NAME, COLUMNS, SECTIONS
+from evimo.evaluation.ratios import Score
 from evimo.evaluation.report import MODEL, Report, load_report
-from evimo.evaluation.scores import Score, mask_scores
+from evimo.evaluation.scores import mask_scores
 from evimo.evaluation.tables import as_markdown, as_rich
 
 

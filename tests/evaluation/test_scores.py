@@ -7,9 +7,8 @@ import pytest
 from pytest import approx
 
 from evimo.evaluation.labels import labelled
+from evimo.evaluation.ratios import Score, added
 from evimo.evaluation.scores import (
-    Score,
-    added,
     at_rest,
     depth_scale,
     depth_scores,

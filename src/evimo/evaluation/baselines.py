@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation.labels import LabelledSlice
+from evimo.evaluation.ratios import Scores, added
 from evimo.evaluation.scores import (
-    Scores,
-    added,
     depth_scores,
     flow_scores,
     mask_scores,

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation.labels import LabelledSlice, Residual
-from evimo.evaluation.scores import Scores, mask_scores
+from evimo.evaluation.ratios import Scores
+from evimo.evaluation.scores import mask_scores
 from evimo.recordings.flow import point_flow
 from evimo.recordings.truth import Truth
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from evimo.errors import BadFile, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.columns import COLUMNS, CONVENTIONS
-from evimo.evaluation.scores import Score, Scores, added
+from evimo.evaluation.ratios import Score, Scores, added
 
 Key = TypeVar("Key")
 

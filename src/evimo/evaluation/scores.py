@@ -1,48 +1,17 @@
 """What one prediction of one slice scores, as ratios of sums that add up over slices, recordings and machines."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation import metrics
 from evimo.evaluation.labels import LabelledSlice, is_moving, of_moving
 from evimo.evaluation.metrics import Floats, Mask
+from evimo.evaluation.ratios import Score, Scores, added
 from evimo.recordings.estimate import Estimate
 
 SMALL_AREA_PX = 30
 AT_REST_M_S = 0.05
 """A camera slower than this is at rest: the direction of its velocity says nothing, and any length of it is noise."""
-
-
-@dataclass(frozen=True, slots=True)
-class Score:
-    """A ratio of two sums and how many samples are in it: frames for a mean over frames, slices for a pooled share."""
-
-    top: float
-    bottom: float
-    samples: int = 1
-
-    def __add__(self, other: "Score") -> "Score":
-        return Score(self.top + other.top, self.bottom + other.bottom, self.samples + other.samples)
-
-    @property
-    def value(self) -> float | None:
-        """The ratio; None where nothing was scored."""
-        return self.top / self.bottom if self.bottom else None
-
-
-Scores = dict[str, Score]
-
-
-def added(parts: Iterable[Scores]) -> Scores:
-    """Scores of several slices or recordings as one; a name that is missing in one part adds nothing."""
-    total: Scores = {}
-    for part in parts:
-        for name, score in part.items():
-            total[name] = total[name] + score if name in total else score
-    return total
 
 
 def share(chosen: Mask, among: Mask) -> Score:

@@ -8,8 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from evimo.evaluation.columns import BY_NAME, COLUMNS, CONVENTIONS, OVERVIEW, SECTIONS, Column
+from evimo.evaluation.ratios import Score
 from evimo.evaluation.report import MODEL, Report
-from evimo.evaluation.scores import Score
 
 ARROWS = {"higher": "↑", "lower": "↓"}
 
