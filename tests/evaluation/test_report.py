@@ -84,6 +84,7 @@ def test_tables_hold_every_row_and_the_numbers(report):
     for row in (MODEL, baselines.ALL_BACKGROUND, baselines.EVERYTHING, baselines.MEAN_DEPTH, baselines.ZERO_FLOW):
         assert f"| {row} |" in page
     assert "| model | 0.500 |" in page and "| model, set 1 | 0.500 |" in page
+    assert "## by area" in page and "## objects seen in training" not in page  # nobody says which are
     assert "2 slices" in page and "model: hand made" in page
     assert list(report.table_rows)[-1].startswith(baselines.DENSITY_ORACLE)
     assert baselines.DENSITY_ORACLE in page

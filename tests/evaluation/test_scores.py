@@ -55,6 +55,7 @@ def test_clutter_resting_and_other_background_are_told_apart(sample, box):
 def test_perfect_masks_score_one_and_touch_nothing_static(sample):
     scores = mask_scores(sample.moving, sample)
     ones = {"iou", "iou_pooled", "event_iou", "event_iou_frames", "recall", "recall_dense"}
+    ones |= {"iou_area_3", "recall_area_3"}  # 6 of 48 pixels; too few to be detected, and nobody says how they flow
     assert {name for name, score in scores.items() if score.value == 1} == ones
     assert {name for name, score in scores.items() if score.value == 0} == {"clutter", "resting", "background"}
 
@@ -193,6 +194,6 @@ def test_a_perfect_estimate_is_perfect_in_every_column(big_sample):
         objects=(found,),
     )
     scores = {name: score.value for name, score in estimate_scores(estimate, big_sample).items()}
-    best = {"iou", "event_iou", "recall", "objects_found", "delta_1", "delta_2", "delta_3"}
+    best = {"iou", "event_iou", "recall", "detected", "objects_found", "delta_1", "delta_2", "delta_3"}
     for name, number in scores.items():
         assert number == approx(1 if name.startswith(tuple(best)) else 0, abs=1e-6), name

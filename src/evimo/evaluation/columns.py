@@ -1,9 +1,11 @@
 """What each number of a report is: its header, its unit, which way is better, what exactly is measured."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from evimo.evaluation.ceilings import NEAREST_M, THRESHOLD_PX
+from evimo.evaluation.strata import AREAS, FAMILIARITY, RESIDUALS
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +20,7 @@ class Column:
     unit: str = ""
 
 
-COLUMNS: tuple[Column, ...] = (
+OF_ALL: tuple[Column, ...] = (
     Column("iou", "IoU", "higher", "dense, mean over frames in which something moves in sight"),
     Column("iou_30px", "IoU ≥30px", "higher", "the same over frames with at least 30 moving pixels"),
     Column("iou_pooled", "pooled IoU", "higher", "dense, intersections over unions summed over all frames"),
@@ -29,6 +31,7 @@ COLUMNS: tuple[Column, ...] = (
     ),
     Column("recall", "recall", "higher", "share of the movers' pixels with events called moving"),
     Column("recall_dense", "dense recall", "higher", "share of the movers' pixels called moving"),
+    Column("detected", "detected", "higher", "share of the movers of at least 30 pixels that are detected"),
     Column("clutter", "clutter", "lower", "share of the static clutter's pixels with events called moving"),
     Column("resting", "resting", "lower", "the same for objects that could move but rest"),
     Column("background", "other static", "lower", "the same for everything else that is static"),
@@ -72,18 +75,41 @@ COLUMNS: tuple[Column, ...] = (
     Column("delta_3_events", "δ<1.25³, events", "higher", "δ<1.25³ at pixels with events"),
 )
 
+STRATA = RESIDUALS | AREAS | FAMILIARITY
+BY_STRATUM: tuple[Column, ...] = tuple(
+    Column(f"{name}_{stratum}", f"{header} {words}", "higher", f"{meaning}: {words}")
+    for name, header, meaning in (
+        ("iou", "IoU", "mean over frames with such movers, pixels of other movers left out"),
+        ("recall", "recall", "share of such movers' pixels with events called moving"),
+        ("detected", "detected", "share of such movers that are detected"),
+    )
+    for stratum, words in STRATA.items()
+)
+COLUMNS: tuple[Column, ...] = (*OF_ALL, *BY_STRATUM)
 BY_NAME = {column.name: column for column in COLUMNS}
+
+
+def by_stratum(kind: str, strata: Mapping[str, str]) -> tuple[str, ...]:
+    """Names of that score in each of the strata."""
+    return tuple(f"{kind}_{stratum}" for stratum in strata)
+
 
 OVERVIEW = "overview"
 SECTIONS: dict[str, tuple[str, ...]] = {
     OVERVIEW: (
-        *("iou", "event_iou", "recall", "clutter", "false_alarm_events", "flow"),
+        *("iou", "event_iou", "recall", "detected", "clutter", "false_alarm_events", "flow"),
         *("camera_aee", "camera_rre", "direction", "object_aee", "abs_rel", "delta_1"),
     ),
     "moving mask": (
         *("iou", "iou_30px", "iou_pooled", "event_iou", "event_iou_frames", "event_iou_own"),
         *("recall", "recall_dense"),
         *("clutter", "resting", "background", "false_alarm_events", "false_alarm_pixels"),
+    ),
+    "by residual motion": by_stratum("iou", RESIDUALS) + by_stratum("recall", RESIDUALS),
+    "by area": by_stratum("iou", AREAS) + by_stratum("recall", AREAS),
+    "detection": ("detected", *by_stratum("detected", RESIDUALS), *by_stratum("detected", AREAS)),
+    "objects seen in training": tuple(
+        name for kind in ("iou", "recall", "detected") for name in by_stratum(kind, FAMILIARITY)
     ),
     "motion": (
         *("camera_aee", "aee_ratio", "camera_aee_depth", "aee_depth_ratio", "camera_rre", "rre_ratio", "direction"),
@@ -103,6 +129,12 @@ CONVENTIONS: tuple[str, ...] = (
     " the static world at that instant; resting objects are background.",
     "Frames in which nothing moves in sight are left out of IoU; they count in pooled and event IoU and alone make up"
     " the false alarms.",
+    "Residual motion of a mover: median over its pixels of how far their true flow differs from that of a static point"
+    " at their depth, px per slice. Area: its share of the scored pixels. Familiar: of a family of shapes that training"
+    " has seen, as the recording says.",
+    "Detected: more than half of the mover's scored pixels lie in connected regions of the mask (eight neighbours) that"
+    " lie more on this mover than off it. For a single region this is the rule of detection rates in the literature:"
+    " more than half of the mover, and more of the mover than of anything else.",
     "Flow is on the plane Z = 1 times the sensor's focal length: px/s of a pinhole image, the lens left out.",
     "Velocities are in camera axes, objects relative to the static world, seen in at least 30 scored pixels.",
     "Scale of velocities from truth: the true norm per slice, or (depth) median true over median predicted depth."

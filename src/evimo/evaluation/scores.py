@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation import metrics
-from evimo.evaluation.labels import LabelledSlice, is_moving, of_moving
+from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice, is_moving, of_moving
 from evimo.evaluation.metrics import Floats, Mask
 from evimo.evaluation.ratios import Score, Scores, added
+from evimo.evaluation.strata import mover_scores
 from evimo.recordings.estimate import Estimate
 
-SMALL_AREA_PX = 30
 AT_REST_M_S = 0.05
 """A camera slower than this is at rest: the direction of its velocity says nothing, and any length of it is noise."""
 
@@ -42,6 +42,7 @@ def mask_scores(predicted: Mask, sample: LabelledSlice) -> Scores:
         scores["iou_30px"] = Score(cut / union, 1)
     if not sample.moving.any():
         scores["false_alarm_pixels"] = share(called, sample.scored)
+    scores |= mover_scores(called, sample)
     return scores | event_label_scores(called[sample.events.y, sample.events.x], sample)
 
 

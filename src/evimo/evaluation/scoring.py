@@ -1,7 +1,8 @@
 """A recording and the estimates of its slices in, a report out, in constant memory."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,17 @@ MATCH_US = 1_000
 """Truth further than this from the slice's centre is not the truth of that slice."""
 
 
+def familiar_objects(meta: Mapping[str, Any]) -> dict[int, bool]:
+    """Which object is of a family of shapes that training has seen; nothing where the recording does not say.
+
+    The field `objects_seen` lists the ids that are, all others are not; or it says it of each id.
+    """
+    told = meta.get("objects_seen")
+    if isinstance(told, Mapping):
+        return {int(key): bool(seen) for key, seen in cast(Mapping[Any, Any], told).items()}
+    return {} if told is None else {key: key in told for key in range(1, 256)}
+
+
 class Labeller:
     """Finds the truth of a recording's slices."""
 
@@ -32,6 +44,7 @@ class Labeller:
         height, width = recording.camera.size
         pixels = np.stack(np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float)), axis=-1)
         points, self.seen = recording.camera.normalised(pixels)
+        self.familiar = familiar_objects(recording.meta)
         self.grid = np.moveaxis(points, -1, 0).astype(np.float64)
 
     def slices(self, start_us: int) -> Iterator[IdentifiedSlice]:
@@ -73,6 +86,7 @@ class Labeller:
             flow=flow.astype(np.float32),
             residual=residual_motion(truth, flow, self.grid, px_per_slice=(focal_px[0] * dt_s, focal_px[1] * dt_s)),
             event_ids=event_ids,
+            familiar=self.familiar,
         )
 
 
@@ -132,6 +146,7 @@ def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_th
         "slices": 1,
         "slices without movers": int(not sample.moving.any()),
         "slices with the camera at rest": int(at_rest(sample)),
+        "movers in slices": len(sample.movers),
         "events scored": len(sample.events),
         "pixels scored": int(np.count_nonzero(sample.scored)),
         "pixels of the sensor": sample.scored.size,

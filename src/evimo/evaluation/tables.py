@@ -25,6 +25,12 @@ def cell(score: Score | None, column: Column) -> str:
     return "–" if value is None else f"{value:.{column.digits}f}"
 
 
+def shown(report: Report, sections: tuple[str, ...]) -> list[str]:
+    """The sections of which anything was scored, for any row; all of them where nothing at all was scored."""
+    scored = {name for scores in report.rows.values() for name in scores}
+    return [section for section in sections if not scored or scored.intersection(SECTIONS[section])]
+
+
 def cells(report: Report, section: str) -> list[list[str]]:
     """The rows of one section, each its name and its cells; rows without any number are left out; last, the samples."""
     columns = [BY_NAME[name] for name in SECTIONS[section]]
@@ -59,7 +65,7 @@ def notes(report: Report) -> Iterator[str]:
 def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> RenderableType:
     """Tables and notes for a rich console."""
     parts: list[RenderableType] = []
-    for section in sections:
+    for section in shown(report, sections):
         table = Table(title=f"{report.title}: {section}", title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
         table.add_column("", no_wrap=True)
         for name in SECTIONS[section]:
@@ -76,7 +82,8 @@ def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> R
 def as_markdown(report: Report) -> str:
     """The whole report as a page: tables, notes, what each column means, conventions."""
     lines = [f"# {report.title}", "", *(f"- {note}" for note in notes(report) if note)]
-    for section, names in SECTIONS.items():
+    for section in shown(report, tuple(SECTIONS)):
+        names = SECTIONS[section]
         heads = ["", *(header(BY_NAME[name]) for name in names)]
         lines += ["", f"## {section}", "", table_line(heads), table_line(["---", *["---:"] * len(names)])]
         lines += [table_line(line) for line in cells(report, section)]
