@@ -6,8 +6,8 @@ from pytest import approx
 
 from evimo.evaluation.columns import BY_NAME
 from evimo.evaluation.labels import LabelledSlice, Residual, labelled
-from evimo.evaluation.scoring import familiar_objects
 from evimo.evaluation.strata import AREAS, RESIDUALS, detection_scores, mover_scores, strata_of
+from evimo.evaluation.tables import header
 from evimo.events.events import Events
 from evimo.recordings.truth import ObjectTruth, Truth
 
@@ -67,7 +67,7 @@ def test_movers_know_their_size_motion_and_family(world):
 def test_tables_say_what_the_strata_hold():
     assert list(RESIDUALS.values()) == ["<0.5 px", "0.5–1 px", "1–2 px", "2–4 px", "≥4 px"]
     assert list(AREAS.values()) == ["<0.3 %", "0.3–1 %", "1–3 %", "≥3 %"]
-    assert BY_NAME["iou_residual_1"].header == "IoU 0.5–1 px"
+    assert header(BY_NAME["iou_residual_1"]) == "IoU 0.5–1 px ↑"
 
 
 def test_other_movers_are_left_out_of_the_iou_of_a_stratum(world):
@@ -119,10 +119,3 @@ def test_movers_under_30_pixels_are_not_asked_for(world):
     assert scores["detected"].samples == 2
     assert "detected_area_0" not in scores
     assert values(scores)["detected"] == 1
-
-
-def test_recordings_say_which_objects_are_familiar_as_a_list_or_by_id():
-    assert familiar_objects({}) == {}
-    assert familiar_objects({"objects_seen": {"1": True, "2": False}}) == {1: True, 2: False}
-    listed = familiar_objects({"objects_seen": [2]})
-    assert (listed[1], listed[2]) == (False, True)

@@ -10,7 +10,7 @@ from evimo.evaluation.strata import AREAS, FAMILIARITY, RESIDUALS
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column of a table; `name` is the score's name."""
+    """One column of a table; `name` is the score's name, `of` the movers it is of, if not all."""
 
     name: str
     header: str
@@ -18,6 +18,7 @@ class Column:
     meaning: str
     digits: int = 3
     unit: str = ""
+    of: str = ""
 
 
 OF_ALL: tuple[Column, ...] = (
@@ -77,7 +78,7 @@ OF_ALL: tuple[Column, ...] = (
 
 STRATA = RESIDUALS | AREAS | FAMILIARITY
 BY_STRATUM: tuple[Column, ...] = tuple(
-    Column(f"{name}_{stratum}", f"{header} {words}", "higher", f"{meaning}: {words}")
+    Column(f"{name}_{stratum}", header, "higher", meaning, of=words)
     for name, header, meaning in (
         ("iou", "IoU", "mean over frames with such movers, pixels of other movers left out"),
         ("recall", "recall", "share of such movers' pixels with events called moving"),

@@ -1,8 +1,7 @@
 """A recording and the estimates of its slices in, a report out, in constant memory."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput
 from evimo.evaluation import baselines, ceilings
 from evimo.evaluation.ceilings import residual_motion
+from evimo.evaluation.kinds import familiar_objects
 from evimo.evaluation.labels import LabelledSlice, labelled
 from evimo.evaluation.metrics import Mask
 from evimo.evaluation.report import MODEL, Report
@@ -22,17 +22,6 @@ from evimo.recordings.recording import Recording
 IdentifiedSlice = tuple[Slice, NDArray[np.uint8] | None]
 MATCH_US = 1_000
 """Truth further than this from the slice's centre is not the truth of that slice."""
-
-
-def familiar_objects(meta: Mapping[str, Any]) -> dict[int, bool]:
-    """Which object is of a family of shapes that training has seen; nothing where the recording does not say.
-
-    The field `objects_seen` lists the ids that are, all others are not; or it says it of each id.
-    """
-    told = meta.get("objects_seen")
-    if isinstance(told, Mapping):
-        return {int(key): bool(seen) for key, seen in cast(Mapping[Any, Any], told).items()}
-    return {} if told is None else {key: key in told for key in range(1, 256)}
 
 
 class Labeller:
@@ -122,16 +111,16 @@ def score_recording(
     estimates: Iterable[Estimate],
     *,
     density_threshold: float = baselines.DENSITY_THRESHOLD,
-    group: str | None = None,
+    groups: Sequence[str] = (),
 ) -> Report:
     """Score the model and every trivial answer on one recording; the same slices and pixels for all of them.
 
-    group: a name under which the model's scores are reported once more, such as the kind of scene.
+    groups: names under which the model's scores are reported once more, such as the kind of scene.
     """
     report = Report(counts={"recordings": 1})
     for estimate, sample in labelled_estimates(recording, estimates):
         report = report + slice_report(estimate, sample, density_threshold=density_threshold)
-    return report if group is None else replace(report, groups={group: report.rows.get(MODEL, {})})
+    return replace(report, groups=dict.fromkeys(groups, report.rows.get(MODEL, {})))
 
 
 def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_threshold: float) -> Report:

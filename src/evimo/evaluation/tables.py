@@ -15,8 +15,14 @@ ARROWS = {"higher": "↑", "lower": "↓"}
 
 
 def header(column: Column, *, between: str = " ") -> str:
-    """Name, unit and which way is better."""
-    return between.join(part for part in (column.header, column.unit, ARROWS[column.better]) if part)
+    """Name, movers meant, unit and which way is better."""
+    return between.join(part for part in (column.header, column.of, column.unit, ARROWS[column.better]) if part)
+
+
+def definition(column: Column) -> str:
+    """What the column is, for a page: name, movers meant, unit, meaning."""
+    name = " ".join(part for part in (column.header, column.of) if part)
+    return f"**{name}**{f' [{column.unit}]' if column.unit else ''}: {column.meaning}"
 
 
 def cell(score: Score | None, column: Column) -> str:
@@ -88,9 +94,7 @@ def as_markdown(report: Report) -> str:
         lines += ["", f"## {section}", "", table_line(heads), table_line(["---", *["---:"] * len(names)])]
         lines += [table_line(line) for line in cells(report, section)]
     lines += ["", "## what the columns are", ""]
-    lines += [
-        f"- **{column.header}**{f' [{column.unit}]' if column.unit else ''}: {column.meaning}" for column in COLUMNS
-    ]
+    lines += [f"- {definition(column)}" for column in COLUMNS]
     lines += ["", "## conventions", "", *(f"- {convention}" for convention in CONVENTIONS), ""]
     return "\n".join(lines)
 
