@@ -85,6 +85,7 @@ def test_tables_hold_every_row_and_the_numbers(report):
         assert f"| {row} |" in page
     assert "| model | 0.500 |" in page and "| model, set 1 | 0.500 |" in page
     assert "## by area" in page and "## objects seen in training" not in page  # nobody says which are
+    assert page.count("- **IoU of such movers**: ") == 1
     assert "2 slices" in page and "model: hand made" in page
     assert list(report.table_rows)[-1].startswith(baselines.DENSITY_ORACLE)
     assert baselines.DENSITY_ORACLE in page

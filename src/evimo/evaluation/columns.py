@@ -82,7 +82,7 @@ BY_STRATUM: tuple[Column, ...] = tuple(
     for name, header, meaning in (
         ("iou", "IoU", "mean over frames with such movers, pixels of other movers left out"),
         ("recall", "recall", "share of such movers' pixels with events called moving"),
-        ("detected", "detected", "share of such movers that are detected"),
+        ("detected", "detected", "share of those of at least 30 pixels that are detected"),
     )
     for stratum, words in STRATA.items()
 )

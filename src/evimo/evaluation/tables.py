@@ -20,8 +20,8 @@ def header(column: Column, *, between: str = " ") -> str:
 
 
 def definition(column: Column) -> str:
-    """What the column is, for a page: name, movers meant, unit, meaning."""
-    name = " ".join(part for part in (column.header, column.of) if part)
+    """What the column is, for a page: name, unit, meaning; one text for all kinds of movers it is told apart by."""
+    name = f"{column.header} of such movers" if column.of else column.header
     return f"**{name}**{f' [{column.unit}]' if column.unit else ''}: {column.meaning}"
 
 
@@ -94,7 +94,7 @@ def as_markdown(report: Report) -> str:
         lines += ["", f"## {section}", "", table_line(heads), table_line(["---", *["---:"] * len(names)])]
         lines += [table_line(line) for line in cells(report, section)]
     lines += ["", "## what the columns are", ""]
-    lines += [f"- {definition(column)}" for column in COLUMNS]
+    lines += [f"- {text}" for text in dict.fromkeys(map(definition, COLUMNS))]
     lines += ["", "## conventions", "", *(f"- {convention}" for convention in CONVENTIONS), ""]
     return "\n".join(lines)
 
