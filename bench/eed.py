@@ -16,7 +16,7 @@ from rich.table import Table
 from evimo import streaming
 from evimo.evaluation.baselines import THRESHOLDS
 from evimo.evaluation.circles import Circles, added_rows, circle_scores, load_circles
-from evimo.evaluation.scores import Scores
+from evimo.evaluation.ratios import Scores
 from evimo.events.io import open_events
 from evimo.events.slices import in_slices
 from evimo.geometry.calibration import load_camera

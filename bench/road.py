@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from evimo import streaming
-from evimo.evaluation.scores import Score
+from evimo.evaluation.ratios import Score
 from evimo.events.io import open_events
 from evimo.events.slices import in_slices
 from evimo.geometry.calibration import load_camera

@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from evimo.cli import main
 from evimo.cli.evaluate import recordings_in
 from evimo.errors import NotFound
 from evimo.evaluation.report import MODEL, load_report
+from evimo.evaluation.scoring import labelled_estimates
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.estimate import Estimate
@@ -53,7 +55,8 @@ def at_rest(times_us):
 def save_recording(folder: Path, writes: type[RecordingWriter] | type[Evimo1Writer] = RecordingWriter) -> Path:
     with writes(folder, CAMERA, facts={"set": 4, "seed": 0}, poses=at_rest) as writer:
         for k in range(SLICES):
-            writer.write(events_in(k), truth_at(k * 25_000 + 12_500))
+            events, truth = events_in(k), truth_at(k * 25_000 + 12_500)
+            writer.write(events, truth, event_ids=np.roll(truth.ids, k, axis=1)[events.y, events.x])  # k px further
     return folder
 
 
@@ -111,8 +114,10 @@ def test_a_perfect_model_is_perfect_and_the_trivial_answers_are_not(runs, record
         assert report.value(MODEL, name) == approx(1), name
     for name in ("clutter", "flow", "camera_aee", "camera_aee_depth", "camera_rre", "direction", "abs_rel"):
         assert report.value(MODEL, name) == approx(0, abs=2e-3), name
+    assert report.value(MODEL, "event_iou_own") == approx((100 + 90 + 80) / (100 + 110 + 120))  # ids are k px further
     assert report.value(MODEL, "object_aee") == approx(0.2)  # it says nothing of objects
     assert report.value("everything moves", "event_iou") == approx(100 / 1200)
+    assert report.value("true flow", "iou") == 0  # 0.2 m/s, 1 m away, seen by 40 px: 0.2 px a slice, below 0.3
     assert report.value("zero twist", "camera_aee") == approx(0.5)
     assert report.value("zero twist", "camera_rre") == approx(0.2)
     assert report.value("mean depth", "abs_rel") == approx(100 / 1200)
@@ -133,6 +138,15 @@ def test_flow_of_zero_motion_is_what_the_camera_geometry_says(runs, recordings, 
         lengths.append(np.hypot(*(40 * (after[:2] / after[2] - point[:2] / point[2]))) / 1e-3)
     zero = load_report(tmp_path / "out" / "report.json").value("zero flow", "flow_dense")
     assert zero == approx(np.mean(lengths), rel=1e-2)
+
+
+def test_events_keep_their_own_ids_where_estimates_begin_later(recordings):
+    recording = open_recording(recordings / "a")
+    samples = [sample for _, sample in labelled_estimates(recording, islice(all_knowing(recording), 1, None))]
+    assert len(samples) == SLICES - 1
+    for k, sample in enumerate(samples, 1):
+        assert sample is not None and sample.event_ids is not None
+        assert set(sample.events.x[sample.event_ids == 1].tolist()) == set(range(10 + k, 20 + k))
 
 
 def test_recordings_scored_before_are_not_scored_again(runs, recordings, tmp_path):

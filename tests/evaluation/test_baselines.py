@@ -6,7 +6,8 @@ from pytest import approx
 
 from evimo.evaluation import baselines
 from evimo.evaluation.labels import labelled
-from evimo.evaluation.scores import added, mask_scores
+from evimo.evaluation.ratios import added
+from evimo.evaluation.scores import mask_scores
 from evimo.events.events import Events, no_events
 
 

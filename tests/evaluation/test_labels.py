@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evimo.evaluation.labels import is_moving, labelled, moving_mask
+from evimo.evaluation.labels import is_moving, labelled, of_moving
 from evimo.recordings.truth import ObjectTruth
 
 
@@ -28,12 +28,14 @@ def test_active_pixels_are_those_with_events_however_many(sample):
 
 
 def test_events_on_pixels_outside_the_rectified_image_are_left_out(sample, box):
-    part = labelled(sample.events, sample.truth, scored=box(0, 6, 0, 4), focal_px=(1, 1), dt_s=0.025)
+    ids = np.arange(10, dtype=np.uint8)  # as good a name as any for each event
+    part = labelled(sample.events, sample.truth, scored=box(0, 6, 0, 4), focal_px=(1, 1), dt_s=0.025, event_ids=ids)
     assert len(part.events) == 5
+    assert part.event_ids.tolist() == ids[part.kept].tolist() == [0, 1, 2, 3, 6]  # columns 0 to 3
     assert not part.active[:, 4:].any()
 
 
 def test_an_id_without_motion_of_its_own_is_background(sample):
     truth = sample.truth
     truth.objects.clear()
-    assert not moving_mask(truth).any()
+    assert not of_moving(truth.ids, truth).any()

@@ -10,8 +10,9 @@ from rich.console import Console
 from evimo.errors import BadFile, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.columns import BY_NAME, COLUMNS, SECTIONS
+from evimo.evaluation.ratios import Score
 from evimo.evaluation.report import MODEL, Report, load_report
-from evimo.evaluation.scores import Score, mask_scores
+from evimo.evaluation.scores import mask_scores
 from evimo.evaluation.tables import as_markdown, as_rich
 
 
@@ -63,7 +64,7 @@ def test_csv_has_a_line_per_row_and_leaves_unknowns_empty(report, tmp_path):
     assert lines[0]["abs_rel"] == ""
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": 99}', '{"format": 1, "title": "x", "rows": {"a": 1}}'])
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": 99}', '{"format": 2, "title": "x", "rows": {"a": 1}}'])
 def test_other_files_are_refused(content, tmp_path):
     (tmp_path / "report.json").write_text(content)
     with pytest.raises(BadFile):
@@ -83,6 +84,8 @@ def test_tables_hold_every_row_and_the_numbers(report):
     for row in (MODEL, baselines.ALL_BACKGROUND, baselines.EVERYTHING, baselines.MEAN_DEPTH, baselines.ZERO_FLOW):
         assert f"| {row} |" in page
     assert "| model | 0.500 |" in page and "| model, set 1 | 0.500 |" in page
+    assert "## by area" in page and "## objects seen in training" not in page  # nobody says which are
+    assert page.count("- **IoU of such movers**: ") == 1
     assert "2 slices" in page and "model: hand made" in page
     assert list(report.table_rows)[-1].startswith(baselines.DENSITY_ORACLE)
     assert baselines.DENSITY_ORACLE in page

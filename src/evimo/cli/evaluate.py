@@ -11,6 +11,7 @@ from evimo import streaming
 from evimo.cli.progress import progress
 from evimo.errors import BadFile, NotFound
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
+from evimo.evaluation.kinds import groups_of
 from evimo.evaluation.report import Report, load_report
 from evimo.evaluation.scoring import score_recording
 from evimo.evaluation.tables import as_markdown, as_rich
@@ -93,7 +94,7 @@ def evaluated(folders: list[Path], *, model: str, out: Path | None, density_thre
                     recording,
                     ticked(estimates, tick),
                     density_threshold=density_threshold,
-                    group=f"set {recording.meta.get('set', 'unknown')}",
+                    groups=groups_of(recording.meta),
                 )
                 report = replace(scored, settings=settings)
                 if path is not None:

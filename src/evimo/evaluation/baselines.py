@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation.labels import LabelledSlice
+from evimo.evaluation.ratios import Scores, added
 from evimo.evaluation.scores import (
-    Scores,
-    added,
     depth_scores,
     flow_scores,
     mask_scores,
@@ -22,7 +21,7 @@ BOXES_PER_WIDTH = 13  # about an object; from 10 to 25 the score changes by 3 % 
 THRESHOLDS: tuple[float, ...] = tuple(round(float(each), 3) for each in np.geomspace(0.7, 10, 24))
 DENSITY_THRESHOLD = 2.5
 """Times the mean density of the frame: within 0.002 of the best IoU on replicas of 0.4 minutes at 173x130 with seeds
-1000 and 2000, by `python bench/density.py REPLICA`."""
+1000 and 2000, by `python bench/populations.py REPLICA`."""
 
 ALL_BACKGROUND = "all background"
 EVERYTHING = "everything moves"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.metrics import Mask, overlap
-from evimo.evaluation.scores import Score, Scores, added
+from evimo.evaluation.ratios import Score, Scores, added
 from evimo.events.events import Events
 from evimo.events.slices import Slice
 

@@ -1,12 +1,16 @@
 """What each number of a report is: its header, its unit, which way is better, what exactly is measured."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
+
+from evimo.evaluation.ceilings import NEAREST_M, THRESHOLD_PX
+from evimo.evaluation.strata import AREAS, FAMILIARITY, RESIDUALS
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column of a table; `name` is the score's name."""
+    """One column of a table; `name` is the score's name, `of` the movers it is of, if not all."""
 
     name: str
     header: str
@@ -14,16 +18,21 @@ class Column:
     meaning: str
     digits: int = 3
     unit: str = ""
+    of: str = ""
 
 
-COLUMNS: tuple[Column, ...] = (
+OF_ALL: tuple[Column, ...] = (
     Column("iou", "IoU", "higher", "dense, mean over frames in which something moves in sight"),
     Column("iou_30px", "IoU ≥30px", "higher", "the same over frames with at least 30 moving pixels"),
     Column("iou_pooled", "pooled IoU", "higher", "dense, intersections over unions summed over all frames"),
     Column("event_iou", "event IoU", "higher", "events labelled by the mask at their pixel, summed over all frames"),
     Column("event_iou_frames", "event IoU, frames", "higher", "the same, mean over frames with a moving event"),
+    Column(
+        "event_iou_own", "event IoU, own", "higher", "event IoU against the object that each event says it comes from"
+    ),
     Column("recall", "recall", "higher", "share of the movers' pixels with events called moving"),
     Column("recall_dense", "dense recall", "higher", "share of the movers' pixels called moving"),
+    Column("detected", "detected", "higher", "share of the movers of at least 30 pixels that are detected"),
     Column("clutter", "clutter", "lower", "share of the static clutter's pixels with events called moving"),
     Column("resting", "resting", "lower", "the same for objects that could move but rest"),
     Column("background", "other static", "lower", "the same for everything else that is static"),
@@ -32,17 +41,22 @@ COLUMNS: tuple[Column, ...] = (
     Column("flow", "flow", "lower", "endpoint error at pixels with events, mean over pixels, then slices", 1, "px/s"),
     Column("flow_dense", "dense flow", "lower", "the same at all pixels", 1, "px/s"),
     Column("flow_movers", "movers' flow", "lower", "the same at pixels with events on movers", 1, "px/s"),
-    Column("flow_ratio", "flow / zero", "lower", "summed flow error over that of zero flow"),
+    Column("flow_ratio", "flow / zero", "lower", "summed flow error at pixels with events over that of zero flow"),
+    Column("flow_movers_ratio", "movers' flow / zero", "lower", "the same at pixels with events on movers"),
     Column(
-        "camera_aee", "cam AEE", "lower", "error of camera velocity, rescaled per slice to the true speed", 3, "m/s"
+        "camera_aee",
+        "cam AEE",
+        "lower",
+        "error of the velocity of a camera that is not at rest, rescaled per slice to the true speed",
+        3,
+        "m/s",
     ),
-    Column("camera_aee_depth", "cam AEE, depth", "lower", "the same, scaled by the median depths' ratio", 3, "m/s"),
     Column("aee_ratio", "AEE / zero", "lower", "summed camera AEE over that of a zero twist"),
+    Column("camera_aee_depth", "cam AEE, depth", "lower", "cam AEE scaled by the median depths' ratio", 3, "m/s"),
+    Column("aee_depth_ratio", "AEE, depth / zero", "lower", "the same, summed, over that of a zero twist"),
     Column("camera_rre", "cam RRE", "lower", "angle of R_predᵀ R_true of a slice, per second", 3, "rad/s"),
     Column("rre_ratio", "RRE / zero", "lower", "summed RRE over that of a zero twist"),
-    Column(
-        "direction", "direction", "lower", "angle of camera velocities where faster than 5 cm/s; zero is 90", 1, "°"
-    ),
+    Column("direction", "direction", "lower", "angle of camera velocities where it is not at rest; zero is 90", 1, "°"),
     Column(
         "object_aee", "obj AEE", "lower", "error of object velocity averaged in the true mask, true speed", 3, "m/s"
     ),
@@ -62,22 +76,47 @@ COLUMNS: tuple[Column, ...] = (
     Column("delta_3_events", "δ<1.25³, events", "higher", "δ<1.25³ at pixels with events"),
 )
 
+STRATA = RESIDUALS | AREAS | FAMILIARITY
+BY_STRATUM: tuple[Column, ...] = tuple(
+    Column(f"{name}_{stratum}", header, "higher", meaning, of=words)
+    for name, header, meaning in (
+        ("iou", "IoU", "mean over frames with such movers, pixels of other movers left out"),
+        ("recall", "recall", "share of such movers' pixels with events called moving"),
+        ("detected", "detected", "share of those of at least 30 pixels that are detected"),
+    )
+    for stratum, words in STRATA.items()
+)
+COLUMNS: tuple[Column, ...] = (*OF_ALL, *BY_STRATUM)
 BY_NAME = {column.name: column for column in COLUMNS}
+
+
+def by_stratum(kind: str, strata: Mapping[str, str]) -> tuple[str, ...]:
+    """Names of that score in each of the strata."""
+    return tuple(f"{kind}_{stratum}" for stratum in strata)
+
 
 OVERVIEW = "overview"
 SECTIONS: dict[str, tuple[str, ...]] = {
     OVERVIEW: (
-        *("iou", "event_iou", "recall", "clutter", "false_alarm_events", "flow"),
+        *("iou", "event_iou", "recall", "detected", "clutter", "false_alarm_events", "flow"),
         *("camera_aee", "camera_rre", "direction", "object_aee", "abs_rel", "delta_1"),
     ),
     "moving mask": (
-        *("iou", "iou_30px", "iou_pooled", "event_iou", "event_iou_frames", "recall", "recall_dense"),
+        *("iou", "iou_30px", "iou_pooled", "event_iou", "event_iou_frames", "event_iou_own"),
+        *("recall", "recall_dense"),
         *("clutter", "resting", "background", "false_alarm_events", "false_alarm_pixels"),
     ),
-    "motion": (
-        *("camera_aee", "camera_aee_depth", "aee_ratio", "camera_rre", "rre_ratio", "direction"),
-        *("object_aee", "object_aee_depth", "objects_found", "flow", "flow_dense", "flow_movers", "flow_ratio"),
+    "by residual motion": by_stratum("iou", RESIDUALS) + by_stratum("recall", RESIDUALS),
+    "by area": by_stratum("iou", AREAS) + by_stratum("recall", AREAS),
+    "detection": ("detected", *by_stratum("detected", RESIDUALS), *by_stratum("detected", AREAS)),
+    "objects seen in training": tuple(
+        name for kind in ("iou", "recall", "detected") for name in by_stratum(kind, FAMILIARITY)
     ),
+    "motion": (
+        *("camera_aee", "aee_ratio", "camera_aee_depth", "aee_depth_ratio", "camera_rre", "rre_ratio", "direction"),
+        *("object_aee", "object_aee_depth", "objects_found"),
+    ),
+    "flow": ("flow", "flow_ratio", "flow_movers", "flow_movers_ratio", "flow_dense"),
     "depth": (
         *("abs_rel", "rmse_log", "silog", "delta_1", "delta_2", "delta_3"),
         *("abs_rel_events", "rmse_log_events", "silog_events", "delta_1_events", "delta_2_events", "delta_3_events"),
@@ -91,10 +130,20 @@ CONVENTIONS: tuple[str, ...] = (
     " the static world at that instant; resting objects are background.",
     "Frames in which nothing moves in sight are left out of IoU; they count in pooled and event IoU and alone make up"
     " the false alarms.",
+    "Residual motion of a mover: median over its pixels of how far their true flow differs from that of a static point"
+    " at their depth, px per slice. Area: its share of the scored pixels. Familiar: of a family of shapes that training"
+    " has seen, as the recording says.",
+    "Detected: more than half of the mover's scored pixels lie in connected regions of the mask (eight neighbours) that"
+    " lie more on this mover than off it. For a single region this is the rule of detection rates in the literature:"
+    " more than half of the mover, and more of the mover than of anything else.",
     "Flow is on the plane Z = 1 times the sensor's focal length: px/s of a pinhole image, the lens left out.",
     "Velocities are in camera axes, objects relative to the static world, seen in at least 30 scored pixels.",
     "Scale of velocities from truth: the true norm per slice, or (depth) median true over median predicted depth."
-    " A zero velocity stays zero: its error is the true speed. With the true norm a camera at rest has no error.",
+    " A zero velocity stays zero: its error is the true speed.",
+    "A camera slower than 5 cm/s is at rest: such slices are counted, and left out of AEE and direction.",
+    f"The rows of true flow are no answers but ceilings: moving is where it differs by more than {THRESHOLD_PX} px per"
+    " slice from what a static point does at the true depth, or (depth unknown) at any depth beyond"
+    f" {NEAREST_M} m. One camera cannot tell more from motion alone in one instant.",
     "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames.",
     "Event density is the event count in a box of 1/13 of the width, over the mean of the frame; the oracle threshold"
     " is the one with the best IoU on these very recordings.",

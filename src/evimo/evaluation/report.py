@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 from evimo.errors import BadFile, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.columns import COLUMNS, CONVENTIONS
-from evimo.evaluation.scores import Score, Scores, added
+from evimo.evaluation.ratios import Score, Scores, added
 
 Key = TypeVar("Key")
 
 MODEL = "model"
-FORMAT = 1
+FORMAT = 2
 """Of report.json; grows when the meaning of a number changes, so that older files are not mixed with newer ones."""
 
 

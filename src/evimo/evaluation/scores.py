@@ -1,47 +1,17 @@
 """What one prediction of one slice scores, as ratios of sums that add up over slices, recordings and machines."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation import metrics
-from evimo.evaluation.labels import LabelledSlice, is_moving
+from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice, is_moving, of_moving
 from evimo.evaluation.metrics import Floats, Mask
+from evimo.evaluation.ratios import Score, Scores, added
+from evimo.evaluation.strata import mover_scores
 from evimo.recordings.estimate import Estimate
 
-SMALL_AREA_PX = 30
-DIRECTION_FROM_M_S = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class Score:
-    """A ratio of two sums and how many samples are in it: frames for a mean over frames, slices for a pooled share."""
-
-    top: float
-    bottom: float
-    samples: int = 1
-
-    def __add__(self, other: "Score") -> "Score":
-        return Score(self.top + other.top, self.bottom + other.bottom, self.samples + other.samples)
-
-    @property
-    def value(self) -> float | None:
-        """The ratio; None where nothing was scored."""
-        return self.top / self.bottom if self.bottom else None
-
-
-Scores = dict[str, Score]
-
-
-def added(parts: Iterable[Scores]) -> Scores:
-    """Scores of several slices or recordings as one; a name that is missing in one part adds nothing."""
-    total: Scores = {}
-    for part in parts:
-        for name, score in part.items():
-            total[name] = total[name] + score if name in total else score
-    return total
+AT_REST_M_S = 0.05
+"""A camera slower than this is at rest: the direction of its velocity says nothing, and any length of it is noise."""
 
 
 def share(chosen: Mask, among: Mask) -> Score:
@@ -50,17 +20,16 @@ def share(chosen: Mask, among: Mask) -> Score:
 
 
 def mask_scores(predicted: Mask, sample: LabelledSlice) -> Scores:
-    """Overlap, recall and false alarms of a motion mask (H, W); only `scored` pixels and their events count."""
+    """Overlap, recall and false alarms of a motion mask (H, W); only `scored` pixels and their events count.
+
+    An event is called moving where the mask is at its pixel.
+    """
     called, true = predicted & sample.scored, sample.moving & sample.scored
-    rows, columns = sample.events.y, sample.events.x
-    called_events, true_events = called[rows, columns], true[rows, columns]
     cut, union = metrics.overlap(called, true)
-    event_cut, event_union = metrics.overlap(called_events, true_events)
     area = int(np.count_nonzero(true))
     still = sample.active & ~true & ~sample.resting
     scores = {
         "iou_pooled": Score(cut, union),
-        "event_iou": Score(event_cut, event_union),
         "recall": share(called, true & sample.active),
         "recall_dense": share(called, true),
         "clutter": share(called, still & sample.truth.clutter),
@@ -71,11 +40,30 @@ def mask_scores(predicted: Mask, sample: LabelledSlice) -> Scores:
         scores["iou"] = Score(cut / union, 1)
     if area >= SMALL_AREA_PX:
         scores["iou_30px"] = Score(cut / union, 1)
-    if true_events.any():
-        scores["event_iou_frames"] = Score(event_cut / event_union, 1)
     if not sample.moving.any():
-        scores["false_alarm_events"] = Score(int(np.count_nonzero(called_events)), len(called_events))
         scores["false_alarm_pixels"] = share(called, sample.scored)
+    scores |= mover_scores(called, sample)
+    return scores | event_label_scores(called[sample.events.y, sample.events.x], sample)
+
+
+def event_label_scores(called: Mask, sample: LabelledSlice) -> Scores:
+    """Overlap and false alarms of labels of the slice's events, from a mask or from whatever else labels events.
+
+    `event_iou` asks what the mask at the slice's centre says of the event's pixel, `event_iou_own` which object the
+    event itself comes from: at 8 px a slice, these are not the same events.
+
+    Args:
+        called: (N,), which of `sample.events` are called moving; of labels of all the slice's events, those `kept`.
+    """
+    true = sample.moving[sample.events.y, sample.events.x]
+    cut, union = metrics.overlap(called, true)
+    scores = {"event_iou": Score(cut, union)}
+    if true.any():
+        scores["event_iou_frames"] = Score(cut / union, 1)
+    if sample.event_ids is not None:
+        scores["event_iou_own"] = Score(*metrics.overlap(called, of_moving(sample.event_ids, sample.truth)))
+    if not sample.moving.any():
+        scores["false_alarm_events"] = Score(int(np.count_nonzero(called)), len(called))
     return scores
 
 
@@ -99,7 +87,8 @@ def depth_scale(rel_depth: Floats, sample: LabelledSlice) -> float | None:
 def flow_scores(flow: Floats, sample: LabelledSlice) -> Scores:
     """Endpoint error in px/s of image velocity (2, H, W): mean over pixels, then slices; dense and at event pixels.
 
-    `flow_ratio` is the summed error at event pixels over the error of zero flow: below 1 the model sees motion.
+    `flow_ratio` is the summed error at event pixels over the error of zero flow: below 1 the model sees motion;
+    `flow_movers_ratio` the same at event pixels of movers.
     """
     if sample.flow is None:
         return {}
@@ -115,29 +104,37 @@ def flow_scores(flow: Floats, sample: LabelledSlice) -> Scores:
         scores["flow_ratio"] = Score(float(error[at_events].mean()), float(length[at_events].mean()))
     if (at_movers := known & sample.active & sample.moving).any():
         scores["flow_movers"] = Score(float(error[at_movers].mean()), 1)
+        scores["flow_movers_ratio"] = Score(float(error[at_movers].mean()), float(length[at_movers].mean()))
     return scores
+
+
+def at_rest(sample: LabelledSlice) -> bool:
+    """Whether the camera is slower than 5 cm/s now; its translation is not scored then."""
+    return float(np.linalg.norm(sample.truth.ego[:3])) < AT_REST_M_S
 
 
 def twist_scores(ego: Floats, sample: LabelledSlice, *, metres: float | None) -> Scores:
     """Camera velocity and rotation errors of a twist (6,) in mean depths/s and rad/s; `metres` per mean depth.
 
-    `aee_ratio` and `rre_ratio` are the summed errors over those of a zero twist: below 1 the model sees motion.
+    Errors of the velocity only where the camera is not at rest. A `…_ratio` is the summed error over that of a zero
+    twist: below 1 the model sees motion.
     """
     true_velocity, true_rotation = sample.truth.ego[:3], sample.truth.ego[3:]
     velocity, rotation = ego[:3], ego[3:]
-    aee = float(metrics.endpoint_error(metrics.scaled_to(velocity, true_velocity), true_velocity))
     rre = float(metrics.rotation_error(rotation, true_rotation, dt_s=sample.dt_s))
-    speed, turning = float(np.linalg.norm(true_velocity)), float(np.linalg.norm(true_rotation))
-    scores = {
+    scores = {"camera_rre": Score(rre, 1), "rre_ratio": Score(rre, float(np.linalg.norm(true_rotation)))}
+    if at_rest(sample):
+        return scores
+    speed = float(np.linalg.norm(true_velocity))
+    aee = float(metrics.endpoint_error(metrics.scaled_to(velocity, true_velocity), true_velocity))
+    scores |= {
         "camera_aee": Score(aee, 1),
-        "camera_rre": Score(rre, 1),
         "aee_ratio": Score(aee, speed),
-        "rre_ratio": Score(rre, turning),
+        "direction": Score(float(metrics.direction_error(velocity, true_velocity)), 1),
     }
     if metres is not None:
-        scores["camera_aee_depth"] = Score(float(metrics.endpoint_error(velocity * metres, true_velocity)), 1)
-    if speed > DIRECTION_FROM_M_S:
-        scores["direction"] = Score(float(metrics.direction_error(velocity, true_velocity)), 1)
+        by_depth = float(metrics.endpoint_error(velocity * metres, true_velocity))
+        scores |= {"camera_aee_depth": Score(by_depth, 1), "aee_depth_ratio": Score(by_depth, speed)}
     return scores
 
 

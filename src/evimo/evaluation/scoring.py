@@ -1,21 +1,25 @@
 """A recording and the estimates of its slices in, a report out, in constant memory."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evimo.errors import BadInput
-from evimo.evaluation import baselines
+from evimo.evaluation import baselines, ceilings
+from evimo.evaluation.ceilings import residual_motion
+from evimo.evaluation.kinds import familiar_objects
 from evimo.evaluation.labels import LabelledSlice, labelled
 from evimo.evaluation.metrics import Mask
 from evimo.evaluation.report import MODEL, Report
-from evimo.evaluation.scores import estimate_scores
+from evimo.evaluation.scores import at_rest, estimate_scores
 from evimo.events.slices import SLICE_US, Slice, in_slices
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.flow import true_flow
 from evimo.recordings.recording import Recording
 
+IdentifiedSlice = tuple[Slice, NDArray[np.uint8] | None]
 MATCH_US = 1_000
 """Truth further than this from the slice's centre is not the truth of that slice."""
 
@@ -29,17 +33,29 @@ class Labeller:
         height, width = recording.camera.size
         pixels = np.stack(np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float)), axis=-1)
         points, self.seen = recording.camera.normalised(pixels)
+        self.familiar = familiar_objects(recording.meta)
         self.grid = np.moveaxis(points, -1, 0).astype(np.float64)
 
-    def slices(self, start_us: int) -> Iterator[Slice]:
-        """Every slice from that time on, the unfinished last one too."""
-        events = self.recording.events
-        return in_slices(events.packets(start_us), start_us=start_us, stop_us=events.stop_us + SLICE_US)
+    def slices(self, start_us: int) -> Iterator[IdentifiedSlice]:
+        """Every slice from that time on, the unfinished last one too, and its events' own ids where they are known.
 
-    def label(self, part: Slice, scored: Mask) -> LabelledSlice | None:
+        Ids are told apart by nothing but their order, so that events are counted from the recording's start; where
+        events had to be sorted or dropped, no id is known.
+        """
+        events, ids = self.recording.events, self.recording.event_ids
+        begin_us, first = min(start_us, events.start_us), 0
+        for part in in_slices(events.packets(begin_us), start_us=begin_us, stop_us=events.stop_us + SLICE_US):
+            last = first + len(part.events)
+            orderly = not (events.faults.out_of_order or events.faults.dropped)
+            if part.stop_us > start_us:
+                yield part, ids[first:last] if ids is not None and orderly else None
+            first = last
+
+    def label(self, part: Slice, scored: Mask, *, event_ids: NDArray[np.uint8] | None = None) -> LabelledSlice | None:
         """The slice with its truth; None where none is known within a millisecond of its centre.
 
         scored: (H, W), pixels to score; those where the lens model does not hold are left out too.
+        event_ids: the object that made each event of the slice.
         """
         recording = self.recording
         if not len(recording):
@@ -48,13 +64,18 @@ class Labeller:
         if abs(int(recording.times_us[k]) - part.centre_us) > MATCH_US:
             return None
         truth = recording.truth(k)
+        focal_px, dt_s = (recording.camera.fx, recording.camera.fy), (part.stop_us - part.start_us) * 1e-6
+        flow = true_flow(truth, self.grid)
         return labelled(
             part.events,
             truth,
             scored=scored & self.seen,
-            focal_px=(recording.camera.fx, recording.camera.fy),
-            dt_s=(part.stop_us - part.start_us) * 1e-6,
-            flow=true_flow(truth, self.grid).astype(np.float32),
+            focal_px=focal_px,
+            dt_s=dt_s,
+            flow=flow.astype(np.float32),
+            residual=residual_motion(truth, flow, self.grid, px_per_slice=(focal_px[0] * dt_s, focal_px[1] * dt_s)),
+            event_ids=event_ids,
+            familiar=self.familiar,
         )
 
 
@@ -62,8 +83,8 @@ def labelled_slices(recording: Recording) -> Iterator[LabelledSlice]:
     """Every slice of the recording whose truth is known, all pixels scored."""
     labeller = Labeller(recording)
     everywhere = np.ones(recording.camera.size, np.bool_)
-    for part in labeller.slices(recording.events.start_us):
-        if (sample := labeller.label(part, everywhere)) is not None:
+    for part, ids in labeller.slices(recording.events.start_us):
+        if (sample := labeller.label(part, everywhere, event_ids=ids)) is not None:
             yield sample
 
 
@@ -76,13 +97,13 @@ def labelled_estimates(
         BadInput: the estimates do not follow the recording's slices.
     """
     labeller = Labeller(recording)
-    slices: Iterator[Slice] | None = None
+    slices: Iterator[IdentifiedSlice] | None = None
     for estimate in estimates:
         slices = slices or labeller.slices(estimate.start_us)
-        part = next((each for each in slices if each.start_us >= estimate.start_us), None)
+        part, ids = next((each for each in slices if each[0].start_us >= estimate.start_us), (None, None))
         if part is None or part.start_us != estimate.start_us:
             raise BadInput(f"an estimate at {estimate.t_us} µs has no slice", fix="estimates of this very recording")
-        yield estimate, labeller.label(part, estimate.valid)
+        yield estimate, labeller.label(part, estimate.valid, event_ids=ids)
 
 
 def score_recording(
@@ -90,16 +111,16 @@ def score_recording(
     estimates: Iterable[Estimate],
     *,
     density_threshold: float = baselines.DENSITY_THRESHOLD,
-    group: str | None = None,
+    groups: Sequence[str] = (),
 ) -> Report:
     """Score the model and every trivial answer on one recording; the same slices and pixels for all of them.
 
-    group: a name under which the model's scores are reported once more, such as the kind of scene.
+    groups: names under which the model's scores are reported once more, such as the kind of scene.
     """
     report = Report(counts={"recordings": 1})
     for estimate, sample in labelled_estimates(recording, estimates):
         report = report + slice_report(estimate, sample, density_threshold=density_threshold)
-    return report if group is None else replace(report, groups={group: report.rows.get(MODEL, {})})
+    return replace(report, groups=dict.fromkeys(groups, report.rows.get(MODEL, {})))
 
 
 def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_threshold: float) -> Report:
@@ -109,10 +130,12 @@ def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_th
     density = baselines.density_scores(sample, (*baselines.THRESHOLDS, density_threshold))
     rows = {MODEL: estimate_scores(estimate, sample), **baselines.trivial_scores(sample)}
     rows[baselines.DENSITY] = density[density_threshold]
-    rows = {row: rows[row] for row in (MODEL, *baselines.ROWS)}
+    rows = {row: rows[row] for row in (MODEL, *baselines.ROWS)} | ceilings.ceiling_scores(sample)
     counts = {
         "slices": 1,
         "slices without movers": int(not sample.moving.any()),
+        "slices with the camera at rest": int(at_rest(sample)),
+        "movers in slices": len(sample.movers),
         "events scored": len(sample.events),
         "pixels scored": int(np.count_nonzero(sample.scored)),
         "pixels of the sensor": sample.scored.size,

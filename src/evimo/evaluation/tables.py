@@ -8,21 +8,33 @@ from rich.table import Table
 from rich.text import Text
 
 from evimo.evaluation.columns import BY_NAME, COLUMNS, CONVENTIONS, OVERVIEW, SECTIONS, Column
+from evimo.evaluation.ratios import Score
 from evimo.evaluation.report import MODEL, Report
-from evimo.evaluation.scores import Score
 
 ARROWS = {"higher": "↑", "lower": "↓"}
 
 
 def header(column: Column, *, between: str = " ") -> str:
-    """Name, unit and which way is better."""
-    return between.join(part for part in (column.header, column.unit, ARROWS[column.better]) if part)
+    """Name, movers meant, unit and which way is better."""
+    return between.join(part for part in (column.header, column.of, column.unit, ARROWS[column.better]) if part)
+
+
+def definition(column: Column) -> str:
+    """What the column is, for a page: name, unit, meaning; one text for all kinds of movers it is told apart by."""
+    name = f"{column.header} of such movers" if column.of else column.header
+    return f"**{name}**{f' [{column.unit}]' if column.unit else ''}: {column.meaning}"
 
 
 def cell(score: Score | None, column: Column) -> str:
     """The number as printed; a dash where nothing was scored."""
     value = score.value if score else None
     return "–" if value is None else f"{value:.{column.digits}f}"
+
+
+def shown(report: Report, sections: tuple[str, ...]) -> list[str]:
+    """The sections of which anything was scored, for any row; all of them where nothing at all was scored."""
+    scored = {name for scores in report.rows.values() for name in scores}
+    return [section for section in sections if not scored or scored.intersection(SECTIONS[section])]
 
 
 def cells(report: Report, section: str) -> list[list[str]]:
@@ -47,7 +59,9 @@ def notes(report: Report) -> Iterator[str]:
     yield ", ".join(f"{what}: {value}" for what, value in report.settings.items())
     for name, what in (
         ("flow_ratio", "zero flow"),
+        ("flow_movers_ratio", "zero flow on movers"),
         ("aee_ratio", "zero twist (AEE)"),
+        ("aee_depth_ratio", "zero twist (AEE, depth)"),
         ("rre_ratio", "zero twist (RRE)"),
     ):
         if (ratio := report.value(MODEL, name)) is not None:
@@ -57,7 +71,7 @@ def notes(report: Report) -> Iterator[str]:
 def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> RenderableType:
     """Tables and notes for a rich console."""
     parts: list[RenderableType] = []
-    for section in sections:
+    for section in shown(report, sections):
         table = Table(title=f"{report.title}: {section}", title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
         table.add_column("", no_wrap=True)
         for name in SECTIONS[section]:
@@ -74,14 +88,13 @@ def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> R
 def as_markdown(report: Report) -> str:
     """The whole report as a page: tables, notes, what each column means, conventions."""
     lines = [f"# {report.title}", "", *(f"- {note}" for note in notes(report) if note)]
-    for section, names in SECTIONS.items():
+    for section in shown(report, tuple(SECTIONS)):
+        names = SECTIONS[section]
         heads = ["", *(header(BY_NAME[name]) for name in names)]
         lines += ["", f"## {section}", "", table_line(heads), table_line(["---", *["---:"] * len(names)])]
         lines += [table_line(line) for line in cells(report, section)]
     lines += ["", "## what the columns are", ""]
-    lines += [
-        f"- **{column.header}**{f' [{column.unit}]' if column.unit else ''}: {column.meaning}" for column in COLUMNS
-    ]
+    lines += [f"- {text}" for text in dict.fromkeys(map(definition, COLUMNS))]
     lines += ["", "## conventions", "", *(f"- {convention}" for convention in CONVENTIONS), ""]
     return "\n".join(lines)
 
