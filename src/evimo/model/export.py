@@ -14,14 +14,25 @@ import torch
 from onnx import helper, numpy_helper
 from torch import Tensor, nn
 
+from evimo.events.local_motion import CANDIDATE_CHANNELS
 from evimo.events.stack import FITS, VOXELS
 from evimo.model.motion_net import MotionNet
 from evimo.model.second_pass import Compensation
 from evimo.model.weights import first_pass_beside
 
-FIRST_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation")
+FIRST_INPUTS = ("voxels", "fits", "candidates", "valid", "intrinsics", "rotation")
 FIRST_OUTPUTS = ("rel_depth", "ego", "flow", "rigid")
-SECOND_INPUTS = (*FIRST_INPUTS, "taken_ego", "taken_depth", "taken_rigid", "taken_seen")
+SECOND_INPUTS = (
+    "voxels",
+    "fits",
+    "valid",
+    "intrinsics",
+    "rotation",
+    "taken_ego",
+    "taken_depth",
+    "taken_rigid",
+    "taken_seen",
+)
 SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 HALVED_FROM = 1024  # elements of a weight that is stored in half precision
 
@@ -34,10 +45,10 @@ class First(nn.Module):
         self.model = model
 
     def forward(
-        self, voxels: Tensor, fits: Tensor, valid: Tensor, intrinsics: Tensor, rotation: Tensor
+        self, voxels: Tensor, fits: Tensor, candidates: Tensor, valid: Tensor, intrinsics: Tensor, rotation: Tensor
     ) -> tuple[Tensor, ...]:
         """See `FirstPass.forward`; all but the twist and what is known of the lens are images."""
-        return self.model.first(voxels, fits, valid, intrinsics, rotation)[:4]
+        return self.model.first(voxels, fits, candidates, valid, intrinsics, rotation)[:4]
 
 
 class Second(nn.Module):
@@ -73,7 +84,7 @@ def export(model: MotionNet, path: Path) -> None:
     def image(channels: int, step: int) -> Tensor:
         return torch.rand(1, channels, high // step, wide // step) + 0.1
 
-    first = (image(VOXELS, 2), image(FITS, 2), image(1, 2), *lens)
+    first = (image(VOXELS, 2), image(FITS, 2), image(CANDIDATE_CHANNELS, 4), image(1, 2), *lens)
     taken = (torch.rand(1, 6), image(1, 4), image(2, 4), image(2, 4))
     second = (image(VOXELS, 1), image(FITS, 2), image(1, 2), *lens, *taken)
     _write(First(model), first, (FIRST_INPUTS, FIRST_OUTPUTS), first_pass_beside(path))

@@ -10,14 +10,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from evimo.events.local_motion import CANDIDATE_CHANNELS, CANDIDATES
 from evimo.events.stack import FITS, VOXELS
 from evimo.geometry.grids import normalised_grid, resized_intrinsics
-from evimo.model.backbone import EvenlyCascaded, reduced
+from evimo.model.backbone import EvenlyCascaded, reduced, shares
 from evimo.model.depth_net import DepthNet
 from evimo.model.fits import Geometry, Prior, robustly_fitted
 from evimo.model.presets import ModelConfig
 
 KNOWN_ROTATION = 1e3  # precision of a rotation that a gyroscope measured
+_HALF = 2  # px of the rectified image per px of the candidates
 FIRST_STEP = 4  # px of the rectified image per pixel of the first pass's answer
 
 
@@ -73,7 +75,12 @@ class FirstPass(nn.Module):
         super().__init__()
         self.depth_net = DepthNet(config)
         self.flow_net = EvenlyCascaded(
-            VOXELS, FITS + 1, 3, hidden=config.first_hidden, growth=config.first_growth, layers=config.first_layers
+            VOXELS,
+            FITS + CANDIDATE_CHANNELS + 1,
+            2 + 1 + CANDIDATES + 1,
+            hidden=config.first_hidden,
+            growth=config.first_growth,
+            layers=config.first_layers,
         )
         self.prior = TwistPrior()
 
@@ -81,14 +88,16 @@ class FirstPass(nn.Module):
         self,
         voxels: Float[Tensor, "B 30 H W"],
         fits: Float[Tensor, "B 24 H W"],
+        candidates: Float[Tensor, "B 22 h w"],
         valid: Float[Tensor, "B 1 H W"],
         intrinsics: Float[Tensor, "B 4"],
         rotation: Float[Tensor, "B 4"],
     ) -> FirstAnswer:
-        """All images have half the rectified image's size.
+        """All images but the candidates have half the rectified image's size.
 
         Args:
             voxels, fits: of the events as they come.
+            candidates: of local motion (`events.local_motion`), at a quarter of the size.
             valid: share of the pixel that the lens sees.
             intrinsics: of the rectified image, px.
             rotation: of a gyroscope, rad per slice, and 1; or zeros.
@@ -96,8 +105,16 @@ class FirstPass(nn.Module):
         fits, valid = reduced(fits, 2), reduced(valid, 2)
         grid = normalised_grid(resized_intrinsics(intrinsics, (FIRST_STEP, FIRST_STEP), (1, 1)), valid)
         depth = mean_one(torch.exp(self.depth_net(voxels, fits, valid, grid)[-1]), valid)
-        flow, confidence = self.flow_net(voxels, torch.cat((fits, valid), dim=1))[-1].split((2, 1), dim=1)
-        flow = FIRST_STEP * flow
+        flow, confidence = self._seen(voxels, fits, candidates, valid)
         geometry = Geometry(1 / depth, grid, intrinsics[:, :2, None, None])
         ego = robustly_fitted(geometry, flow, torch.sigmoid(confidence) * valid, self.prior(rotation))
         return FirstAnswer(depth, ego, flow, geometry.rigid_flow(ego), valid)
+
+    def _seen(self, voxels: Tensor, fits: Tensor, candidates: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+        """Flow, px per slice: the candidates and no motion, blended pixel by pixel, and a residue; and its logit."""
+        motion, trusts = candidates.split((2 * CANDIDATES, CANDIDATE_CHANNELS - 2 * CANDIDATES), dim=1)
+        beside = torch.cat((fits, motion / (1 + motion.abs() / 3), trusts, valid), dim=1)
+        residue, confidence, blend = self.flow_net(voxels, beside)[-1].split((2, 1, CANDIDATES + 1), dim=1)
+        share = shares(blend)[:, :CANDIDATES, None]
+        blended = (share * motion.unflatten(1, (CANDIDATES, 2))).sum(1)
+        return _HALF * blended + FIRST_STEP * residue, confidence

@@ -70,12 +70,13 @@ class MotionNet(nn.Module):
         self,
         voxels: Float[Tensor, "B 30 h w"],
         fits: Float[Tensor, "B 24 h w"],
+        candidates: Float[Tensor, "B 22 c d"],
         valid: Float[Tensor, "B 1 h w"],
         intrinsics: Float[Tensor, "B 4"],
         rotation: Float[Tensor, "B 4"],
     ) -> FirstAnswer:
         """The camera's motion from the events as they come, see `FirstPass.forward`."""
-        return self.first_pass(voxels, fits, valid, intrinsics, rotation)
+        return self.first_pass(voxels, fits, candidates, valid, intrinsics, rotation)
 
     def second(
         self,

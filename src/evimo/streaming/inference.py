@@ -18,9 +18,19 @@ F4 = NDArray[np.float32]
 MOST_WORKERS = 4  # more would wait for memory, not for each other
 LARGEST_STRIDE = 1024
 FIRST_PASS = ".first.onnx"
-FIRST_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation")
+FIRST_INPUTS = ("voxels", "fits", "candidates", "valid", "intrinsics", "rotation")
 FIRST_OUTPUTS = ("rel_depth", "ego", "flow", "rigid")
-SECOND_INPUTS = (*FIRST_INPUTS, "taken_ego", "taken_depth", "taken_rigid", "taken_seen")
+SECOND_INPUTS = (
+    "voxels",
+    "fits",
+    "valid",
+    "intrinsics",
+    "rotation",
+    "taken_ego",
+    "taken_depth",
+    "taken_rigid",
+    "taken_seen",
+)
 SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 
 
@@ -136,9 +146,13 @@ class Network:
         if _facts(beside, self._first) != (self.config, self.stride):
             raise BadFile(f"{beside} is the first pass of another model", fix="both files of the same training run")
 
-    def first(self, seen: Seen) -> CameraMotion:
-        """Run the first pass on the events as they come, at half the rectified image's size."""
-        rel_depth, ego, flow, rigid = self._first.run(FIRST_OUTPUTS, seen.feeds())
+    def first(self, seen: Seen, candidates: F4) -> CameraMotion:
+        """Run the first pass on the events as they come, at half the rectified image's size.
+
+        candidates: (22, h, w) of local motion in them, at a quarter of it (`events.local_motion`).
+        """
+        feeds = seen.feeds() | {"candidates": candidates[None]}
+        rel_depth, ego, flow, rigid = self._first.run(FIRST_OUTPUTS, feeds)
         return CameraMotion(rel_depth[0, 0], ego[0], flow[0], rigid[0])
 
     def second(self, seen: Seen, taken: CameraMotion) -> Answer:

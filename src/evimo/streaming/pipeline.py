@@ -15,6 +15,7 @@ from typing import NamedTuple
 from evimo.errors import BadInput
 from evimo.events.events import Events
 from evimo.events.io.event_file import EventFile
+from evimo.events.local_motion import motion_candidates
 from evimo.events.slices import Slice, in_slices, in_stacks
 from evimo.events.stack import EventStack
 from evimo.geometry.camera import Camera, assumed_camera
@@ -136,8 +137,10 @@ class Run:
         part, stack = item
         with self.stopwatch.stage("first look"):
             seen = self._looks.first(stack)
+        with self.stopwatch.stage("local motion"):
+            candidates = motion_candidates(seen.voxels)
         with self.stopwatch.stage("first pass"):
-            return Looked(part, stack, self.network.first(seen))
+            return Looked(part, stack, self.network.first(seen, candidates))
 
     def _looked(self, firsts: Generator[Looked]) -> Generator[tuple[Looked, ...]]:
         """Five in a row around each slice of the span; at the ends of what is read the nearest one again."""

@@ -11,6 +11,7 @@ class Batch(NamedTuple):
     """B samples of one size (H, W); truth is at the centre of the middle slice, at half the size (h, w).
 
     voxels:      (B, 30, h, w) of the events as they come; fits: (B, 24, h, w) of the same (`events.stack`).
+    candidates:  (B, 22, h/2, w/2) of local motion (`events.local_motion`).
     sharp_voxels: (B, 30, H, W) of the compensated events; sharp_fits: (B, 24, h, w).
     taken_ego:   (B, 6) the twist that was taken out at the middle slice, mean depths and rad per slice.
     taken_depth: (B, 1, h/2, w/2) the relative depth that was used for it.
@@ -29,6 +30,7 @@ class Batch(NamedTuple):
 
     voxels: Tensor
     fits: Tensor
+    candidates: Tensor
     sharp_voxels: Tensor
     sharp_fits: Tensor
     taken_ego: Tensor
@@ -46,6 +48,6 @@ class Batch(NamedTuple):
 
     def to(self, device: str) -> "Batch":
         """The same batch on a device."""
-        tensors = [tensor.to(device) for tensor in self[:15]]
+        tensors = [tensor.to(device) for tensor in self[:16]]
         events = None if self.events is None else EventPoints(*(column.to(device) for column in self.events))
         return Batch(*tensors, events=events)

@@ -8,6 +8,7 @@ import torch
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from evimo.events.local_motion import motion_candidates
 from evimo.events.slices import SLICE_US
 from evimo.events.stack import CELL, SLICES, EventStack, StaticMotion, compensated, plane_fits, voxel_grid
 from evimo.geometry.warping import EventPoints
@@ -145,9 +146,11 @@ def _sample(
     ids, depth = recording.ids[middle], window.half(recording.depth[middle]).astype(np.float32)[None]
     velocity = np.moveaxis(recording.velocity[middle][window.half(ids)], -1, 0).astype(np.float32)
     now = np.abs(raw.t) <= 0.5
+    voxels = voxel_grid(raw, cells, step=CELL)
     return (
-        voxel_grid(raw, cells, step=CELL),
+        voxels,
         plane_fits(raw, cells),
+        motion_candidates(voxels),
         voxel_grid(sharp, size),
         plane_fits(sharp, cells),
         way.of_twist(motion.twist[HALF]),

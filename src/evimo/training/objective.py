@@ -125,7 +125,7 @@ def as_prediction(answer: FirstAnswer, intrinsics: Tensor) -> Prediction:
 def objective(model: MotionNet, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[str, float]]:
     """The total loss of a batch over both passes and all scales, and the mean of each term."""
     mean_depth = mean_over(batch.depth, batch.depth_valid)
-    first = model.first(batch.voxels, batch.fits, batch.valid, batch.intrinsics, batch.rotation)
+    first = model.first(batch.voxels, batch.fits, batch.candidates, batch.valid, batch.intrinsics, batch.rotation)
     of_first = first_terms(first, batch, mean_depth, recipe)
     answers = model.second(
         batch.sharp_voxels, batch.sharp_fits, batch.valid, taken_out(batch, first), batch.intrinsics, batch.rotation

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from evimo.events.local_motion import motion_candidates
 from evimo.events.stack import CELL, SLICES, StaticMotion, plane_fits, voxel_grid
 from evimo.losses.depth import mean_over
 from evimo.model.first_pass import FirstAnswer
@@ -90,10 +91,9 @@ def _first(model: MotionNet, recording: Prepared, k: int, *, gyroscope: bool) ->
     inside = recording.valid[1::CELL, 1::CELL]
     valid[: inside.shape[0], : inside.shape[1]] = inside
     voxels, fits = voxel_grid(stack, (height, width), step=CELL), plane_fits(stack, (height, width))
-    see, fit, inside, lens = (
-        torch.from_numpy(each)[None] for each in (voxels, fits, valid[None], recording.intrinsics)
-    )
-    return model.first(see, fit, inside, lens, _rotation(recording, k, gyroscope))
+    arrays = voxels, fits, motion_candidates(voxels), valid[None], recording.intrinsics
+    see, fit, guess, inside, lens = (torch.from_numpy(each)[None] for each in arrays)
+    return model.first(see, fit, guess, inside, lens, _rotation(recording, k, gyroscope))
 
 
 def _score(
