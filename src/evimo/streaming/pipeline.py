@@ -8,18 +8,21 @@ no more memory than a second.
 from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from evimo.errors import BadInput
-from evimo.events.events import Events
+from evimo.events.events import Events, joined
 from evimo.events.frames import FrameMaker, PixelTable
 from evimo.events.io.event_file import EventFile
 from evimo.events.slices import Slice, in_slices, in_stacks
 from evimo.geometry.camera import Camera, assumed_camera
 from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
+from evimo.streaming.event_labels import EventLabeller
 from evimo.streaming.evidence import EvidenceMaker, SliceImages, halved_mask
 from evimo.streaming.inference import Answer, Network
 from evimo.streaming.objects import ObjectFinder
@@ -37,6 +40,7 @@ def run(
     camera: Camera | None = None,
     start_s: float = 0.0,
     stop_s: float | None = None,
+    event_labels: bool = False,
 ) -> Iterator[Estimate]:
     """Estimate depth, moving objects and motion for each complete slice of 25 ms.
 
@@ -48,18 +52,29 @@ def run(
             [k·25 ms, (k + 1)·25 ms) of the recording's own clock, and its estimate is the same in any span (the ids
             of objects count from the first slice of the span).
         stop_s: seconds after the first event; None is the end.
+        event_labels: give each estimate `event_labels`, and objects whose flow and velocity their events sharpened.
 
     Raises:
         NotFound, BadFile: the model.
         BadInput: the camera is of another size, or the span holds no complete slice.
     """
-    return _estimates(Run(events, Network(model), camera=camera, start_s=start_s, stop_s=stop_s))
+    network = Network(model)
+    prepared = Run(events, network, camera=camera, start_s=start_s, stop_s=stop_s, event_labels=event_labels)
+    return _estimates(prepared)
 
 
 def _estimates(prepared: "Run") -> Iterator[Estimate]:
     with closing(prepared.slices()) as slices:
         for estimate, _ in slices:
             yield estimate
+
+
+class _Stack(NamedTuple):
+    """What one estimate is made of: a slice, its events and those of its neighbours, and five slices' images."""
+
+    middle: Slice
+    window: Events
+    images: list[SliceImages]
 
 
 class Run:
@@ -81,6 +96,7 @@ class Run:
         camera: Camera | None = None,
         start_s: float = 0.0,
         stop_s: float | None = None,
+        event_labels: bool = False,
     ) -> None:
         """See `run`."""
         self.events = events
@@ -95,16 +111,37 @@ class Run:
         self._intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
         self.stopwatch = Stopwatch()
         self.finder = ObjectFinder(self.rectification)
+        self._labeller = EventLabeller(self.rectification) if event_labels else None
         self.frames = FrameMaker(PixelTable(*self.rectification.table()))
+
+    @property
+    def labels_events(self) -> bool:
+        """Whether estimates come with `event_labels`."""
+        return self._labeller is not None
 
     def slices(self) -> Generator[tuple[Estimate, Events]]:
         """Each slice's estimate and its events; once."""
+        found = self._found()
+        if self._labeller is not None:
+            found = in_parallel(partial(self._labelled, self._labeller), found, workers=self.network.workers)
+        with closing(found):
+            for estimate, stack in found:
+                yield estimate, stack.middle.events
+
+    def _found(self) -> Generator[tuple[Estimate, _Stack]]:
+        """Each slice's estimate, without labels of events."""
         stacks = ahead(self._stacks(), depth=AHEAD)
         with closing(in_parallel(self._answer, stacks, workers=self.network.workers)) as answers:
-            for part, answer in answers:
+            for stack, answer in answers:
+                part = stack.middle
                 with self.stopwatch.stage("objects"):
                     estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
-                yield estimate, part.events
+                yield estimate, stack
+
+    def _labelled(self, labeller: EventLabeller, found: tuple[Estimate, _Stack]) -> tuple[Estimate, _Stack]:
+        estimate, stack = found
+        with self.stopwatch.stage("event labels"):
+            return labeller.label(estimate, stack.window), stack
 
     def _slices(self) -> Iterator[Slice]:
         span = self.span
@@ -122,20 +159,22 @@ class Run:
                 images = self._maker.images(frame)
             yield part, images
 
-    def _stacks(self) -> Iterator[tuple[Slice, list[SliceImages]]]:
+    def _stacks(self) -> Iterator[_Stack]:
         """The slices of the span with their stacks."""
         nothing = None, self._maker.nothing()
         for stack in in_stacks(self._images(), nothing, length=2 * CONTEXT + 1):
             middle = stack[CONTEXT][0]
             if middle is not None and self.span.first <= middle.index < self.span.last:
-                yield middle, [images for _, images in stack]
+                near = stack[CONTEXT - 1 : CONTEXT + 2] if self.labels_events else stack[CONTEXT : CONTEXT + 1]
+                window = joined([part.events for part, _ in near if part is not None])
+                yield _Stack(middle, window, [images for _, images in stack])
 
-    def _answer(self, stack: tuple[Slice, list[SliceImages]]) -> tuple[Slice, Answer]:
-        part, images = stack
+    def _answer(self, stack: _Stack) -> tuple[_Stack, Answer]:
+        images = stack.images
         with self.stopwatch.stage("evidence"):
             image, evidence = self._maker.image(images), self._maker.evidence(images)
         with self.stopwatch.stage("networks"):
-            return part, self.network.estimate(image, evidence, valid=self._valid, intrinsics=self._intrinsics)
+            return stack, self.network.estimate(image, evidence, valid=self._valid, intrinsics=self._intrinsics)
 
 
 def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:
