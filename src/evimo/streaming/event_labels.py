@@ -61,7 +61,9 @@ class EventLabeller:
             near, followed = self._followed(seen, estimate, window)
             won = followed.odds > best[near.index]
             best[near.index[won]], names[near.index[won]] = followed.odds[won], moving.id
-            objects.append(self._sharpened(moving, seen, followed, estimate, flow) if followed.sharper else moving)
+            if followed.sharper:
+                moving = self._sharpened(moving, seen, followed.motion, estimate=estimate, flow=flow)
+            objects.append(moving)
         labels = EventLabels(window.part(first, last), names[first:last].copy())
         return replace(estimate, flow=flow, objects=tuple(objects), event_labels=labels)
 
@@ -94,13 +96,13 @@ class EventLabeller:
         return near, follow(near, prior, seen.motion, centre)
 
     def _sharpened(
-        self, moving: MovingObject, seen: _Object, followed: Followed, estimate: Estimate, flow: F4
+        self, moving: MovingObject, seen: _Object, motion: F8, *, estimate: Estimate, flow: F4
     ) -> MovingObject:
         """The object with its velocity along the image changed by what its flow changed; that flow goes into `flow`.
 
         One image says nothing new of its depth, nor of its velocity towards the camera.
         """
-        found = motion_at(followed.motion, seen.x, seen.y, seen.centre) / self._per_slice(estimate)[:, None]
+        found = motion_at(motion, seen.x, seen.y, seen.centre) / self._per_slice(estimate)[:, None]
         change = (found - flow[:, *seen.pixels]).mean(axis=1, dtype=np.float64)
         flow[:, *seen.pixels] = found
         velocity = moving.rel_velocity + np.append(change, 0) * moving.rel_distance

@@ -19,9 +19,9 @@ from evimo.streaming.sharpness import ARM, MARGIN, PEAK, read, sharpest, sharpne
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
-ROUNDS = 2  # of fitting the motion and sharing out the events
+ROUNDS = 3  # of fitting the motion and sharing out the events
 SPREAD = np.array([20.0, 20.0, 0.5, 0.5])  # px per slice by which the network's motion may be off
-FEWEST, MOST = 20, 5000  # events that a motion is fitted to
+FEWEST, MOST = 20, 3000  # events that a motion is fitted to
 SURELY = 0.05  # share of an event from which on it takes part in the fit
 SHARPER = 1.05  # than by the static world's motion: else the network's motion stays
 EVIDENCE, EVIDENCE_TO_FIT = np.float32(1), np.float32(2)  # how much closeness counts against the mask
@@ -103,14 +103,16 @@ def _odds(
     """Of each event (N,) to belong to the object, by the mask where it came from and by how close the events lie."""
     inside = _inside(near, prior, motion, centre)
     closer = _closeness(_warped(near, motion, centre), room) / still
-    return inside / (1 - inside) * closer**evidence
+    odds: F4 = inside / (1 - inside)
+    return odds * np.power(closer, evidence, dtype=np.float32)
 
 
 def _inside(near: Nearby, prior: F4, motion: F8, centre: tuple[float, float]) -> F4:
     """The prior (N,) where each event came from, never certain."""
     into = np.empty(len(near.x), np.float32)
     read(_warped(near, motion, centre), prior, into)
-    return np.minimum(into, SUREST)
+    np.minimum(into, SUREST, out=into)
+    return into
 
 
 def _warped(near: Nearby, motion: F8, centre: tuple[float, float]) -> F4:

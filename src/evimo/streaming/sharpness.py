@@ -19,9 +19,10 @@ PEAK = 0.140625  # of an event's own weight, in the middle of a pixel of the blu
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def warp_back(x, y, t, motion, centre, at):
     """Where events were at the slice's centre if they moved with `motion`, into `at` (2, N)."""
-    u, v, s, r = motion[0], motion[1], motion[2] / ARM, motion[3] / ARM
+    u, v, s, r = np.float32(motion[0]), np.float32(motion[1]), np.float32(motion[2] / ARM), np.float32(motion[3] / ARM)
+    cx, cy = np.float32(centre[0]), np.float32(centre[1])
     for k in range(len(x)):
-        dx, dy = x[k] - centre[0], y[k] - centre[1]
+        dx, dy = x[k] - cx, y[k] - cy
         at[0, k] = x[k] - t[k] * (u + s * dx - r * dy)
         at[1, k] = y[k] - t[k] * (v + s * dy + r * dx)
 
@@ -35,12 +36,13 @@ def splat(at, weight, image):
         x, y = at[0, k], at[1, k]
         if 0 <= x < width - 1 and 0 <= y < height - 1:
             column, row = int(x), int(y)
-            fx, fy, w = x - column, y - row, weight[k]
+            fx, fy = x - np.float32(column), y - np.float32(row)
+            upper, lower = weight[k] * (np.float32(1) - fy), weight[k] * fy
             column, row = column + MARGIN, row + MARGIN
-            image[row, column] += w * (1 - fx) * (1 - fy)
-            image[row, column + 1] += w * fx * (1 - fy)
-            image[row + 1, column] += w * (1 - fx) * fy
-            image[row + 1, column + 1] += w * fx * fy
+            image[row, column] += upper * (np.float32(1) - fx)
+            image[row, column + 1] += upper * fx
+            image[row + 1, column] += lower * (np.float32(1) - fx)
+            image[row + 1, column + 1] += lower * fx
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -101,18 +103,20 @@ def sharpness_slope(x, y, t, weight, motion, centre, at, images, slope):
     blur(images[2], images[1], images[0])
     image = images[0]
     slope[:] = 0
+    cx, cy, short = np.float32(centre[0]), np.float32(centre[1]), np.float32(1 / ARM)
     height, width = image.shape[0] - 2 * MARGIN, image.shape[1] - 2 * MARGIN
     for k in range(len(x)):
         if 0 <= at[0, k] < width - 1 and 0 <= at[1, k] < height - 1:
             column, row = int(at[0, k]), int(at[1, k])
-            fx, fy = at[0, k] - column, at[1, k] - row
+            fx, fy = at[0, k] - np.float32(column), at[1, k] - np.float32(row)
+            gx, gy = np.float32(1) - fx, np.float32(1) - fy
             column, row = column + MARGIN, row + MARGIN
             a, b = image[row, column], image[row, column + 1]
             c, d = image[row + 1, column], image[row + 1, column + 1]
-            pull = -2 * t[k] * weight[k]
-            along_x = pull * ((b - a) * (1 - fy) + (d - c) * fy)
-            along_y = pull * ((c - a) * (1 - fx) + (d - b) * fx)
-            dx, dy = (x[k] - centre[0]) / ARM, (y[k] - centre[1]) / ARM
+            pull = np.float32(-2) * t[k] * weight[k]
+            along_x = pull * ((b - a) * gy + (d - c) * fy)
+            along_y = pull * ((c - a) * gx + (d - b) * fx)
+            dx, dy = (x[k] - cx) * short, (y[k] - cy) * short
             slope[0] += along_x
             slope[1] += along_y
             slope[2] += along_x * dx + along_y * dy
