@@ -1,4 +1,4 @@
-"""Event IoU on the thrown ball of EED "what is background", beside the trivial answers.
+"""Event IoU on the thrown ball of EED "what is background": masks, labels of events, and the trivial answers.
 
     python bench/eed.py FOLDER [--model small] [--calibration FILE] [--save out/eed.json]
 
@@ -30,11 +30,11 @@ def ball_rows(folder: Path, *, model: str, calibration: Path | None = None) -> d
     circles: Circles = load_circles(folder / CIRCLES)
     camera = None if calibration is None else load_camera(calibration, size=recording.sensor)
     slices = {each.start_us: each for each in in_slices(recording, stop_us=recording.stop_us)}
-    parts = [
-        circle_scores(slices[each.start_us], each.moving, circles, first_us=recording.start_us)
-        for each in streaming.run(recording, model=model, camera=camera)
-        if each.start_us in slices
-    ]
+    parts: list[dict[str, Scores]] = []
+    for each in streaming.run(recording, model=model, camera=camera, event_labels=True):
+        if each.start_us in slices and each.event_labels is not None:
+            part, labels = slices[each.start_us], each.event_labels.objects > 0
+            parts.append(circle_scores(part, each.moving, circles, first_us=recording.start_us, labels=labels))
     rows = added_rows(parts)
     best = max((f"density {each:g}" for each in THRESHOLDS), key=lambda row: rows[row]["event_iou"].value or 0.0)
     kept = {row: scores for row, scores in rows.items() if not row.startswith("density") or "tuned" in row}

@@ -1,6 +1,6 @@
 """Speed of every stage on two cores: prints a table, writes out/bench.json. `make bench` runs this.
 
-    python bench/speed.py [--only slicing,simulate,rendering,run,onnx,warping] [--out out/bench.json]
+    python bench/speed.py [--only slicing,simulate,rendering,run,labels,onnx,warping] [--out out/bench.json]
 
 Peers are timed in turn within this very run, and medians compared: absolute times mean little on a shared machine.
 What cannot be measured here is listed with the reason. The JSON has one key per number; `rows` says more.
@@ -130,6 +130,13 @@ def run() -> Iterator[Row]:
         yield row(f"run_tiny{way}_slices_per_s", middle["slices_per_s"], "slices/s", note=note, **goal, **stages)
 
 
+def labels() -> Iterator[Row]:
+    """What a label for every event costs, on one core."""
+    from labels import label_rows
+
+    yield from label_rows(full_size(), MODEL)
+
+
 def onnx() -> Iterator[Row]:
     """The tiny networks of one slice, as deployed against their own eager forward pass."""
     if find_spec("torch") is None:
@@ -182,6 +189,7 @@ MEASUREMENTS: dict[str, Callable[[], Iterator[Row]]] = {
     "simulate": simulate,
     "rendering": rendering,
     "run": run,
+    "labels": labels,
     "onnx": onnx,
     "warping": warping,
 }

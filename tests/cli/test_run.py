@@ -39,10 +39,20 @@ def test_a_recording_becomes_video_tables_and_maps(recording, fake_network, tmp_
         "video_speed": 0.25,
         "start_s": 0.0,
         "stop_s": None,
+        "event_labels": False,
         "calibration": None,
         "sensor": "32x24",
     }
     assert [f"warning: {text}" for text in summary["warnings"]] == warned
+
+
+def test_event_labels_are_a_file_of_their_own(recording, fake_network, tmp_path):
+    arguments = ["--sensor", "32x24", "--no-video", "--no-dense", "--event-labels", "--out", str(tmp_path / "o")]
+    assert main(["run", str(recording), "--model", str(fake_network), *arguments]) == 0
+    assert names_in(tmp_path / "o") == ALL - {"video.mp4", "estimates.h5"} | {"events.h5"}
+    with h5py.File(tmp_path / "o" / "events.h5") as saved:
+        assert len(saved["object"]) == len(saved["t_us"]) > 0
+    assert json.loads((tmp_path / "o" / "summary.json").read_text())["settings"]["event_labels"] is True
 
 
 def test_the_folder_is_named_after_the_recording(recording, fake_network, tmp_path, monkeypatch):

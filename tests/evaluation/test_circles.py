@@ -34,6 +34,15 @@ def test_truth_is_the_circle_at_the_events_own_time():
     assert scores["model"] == scores["everything moves"]
 
 
+def test_labels_of_events_are_a_row_of_their_own():
+    events = joined([row_of_events([20, 25, 26], 0), row_of_events([44, 45], 24_000)])
+    part, mask = Slice(40, FIRST_US, FIRST_US + 25_000, events), np.zeros((40, 60), bool)
+    labels = np.array([True, True, False, True, False])
+    scores = circle_scores(part, mask, MOVING, first_us=FIRST_US, labels=labels)
+    assert scores["model, every event labelled"]["event_iou"].value == approx(3 / 4)
+    assert scores["model"]["event_iou"].value == 0
+
+
 def test_events_outside_the_time_of_the_truth_are_left_out():
     part = Slice(44, FIRST_US + 100_000, FIRST_US + 125_000, row_of_events([119, 120], 100_001))
     scores = circle_scores(part, np.ones((40, 130), bool), MOVING, first_us=FIRST_US)

@@ -116,6 +116,26 @@ def test_each_slice_comes_with_its_events(discs, recorded, fake_network, camera)
         np.testing.assert_array_equal(events.x, expected.x)
 
 
+@pytest.mark.parametrize("every", [7, 4000])
+def test_labels_of_events_lie_beside_them_and_do_not_depend_on_packets(discs, recorded, fake_network, camera, every):
+    cuts = range(every, len(discs), every)
+    one, other = (
+        list(run(recorded(discs, cuts=ends), model=fake_network, camera=camera, event_labels=True))
+        for ends in ((), cuts)
+    )
+    for left, right in zip(one, other, strict=True):
+        expected = discs.between(left.start_us, left.stop_us)
+        np.testing.assert_array_equal(left.event_labels.events.t, expected.t)
+        np.testing.assert_array_equal(left.event_labels.events.x, expected.x)
+        assert {*np.unique(left.event_labels.objects)} <= {0, *(moving.id for moving in left.objects)}
+        np.testing.assert_array_equal(left.event_labels.objects, right.event_labels.objects)
+        np.testing.assert_array_equal(left.flow, right.flow)
+
+
+def test_events_are_not_labelled_unasked(whole):
+    assert all(estimate.event_labels is None for estimate in whole)
+
+
 def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
     prepared = Run(recorded(discs), Network(fake_network), camera=camera)
     count = len(list(prepared.slices()))
@@ -137,9 +157,10 @@ def test_a_reader_that_fails_does_so_here_after_the_slices_before(discs, recorde
     assert seen
 
 
-def test_stopping_early_ends_the_threads(discs, recorded, fake_network, camera):
+@pytest.mark.parametrize("event_labels", [False, True])
+def test_stopping_early_ends_the_threads(discs, recorded, fake_network, camera, event_labels):
     before = threading.active_count()
-    estimates = run(recorded(discs), model=fake_network, camera=camera)
+    estimates = run(recorded(discs), model=fake_network, camera=camera, event_labels=event_labels)
     next(estimates)
     estimates.close()
     assert threading.active_count() == before

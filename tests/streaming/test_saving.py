@@ -16,7 +16,7 @@ ALL = {"egomotion.csv", "objects.csv", "summary.json", "estimates.h5", "video.mp
 
 @pytest.fixture
 def prepared(discs, recorded, fake_network, camera):
-    return lambda: Run(recorded(discs), Network(fake_network), camera=camera)
+    return lambda **how: Run(recorded(discs), Network(fake_network), camera=camera, **how)
 
 
 def images_in(path) -> int:
@@ -48,6 +48,19 @@ def test_all_outputs_speak_of_the_same_slices(prepared, tmp_path):
     }
     in_table = {(int(row[0]), int(row[1])): int(row[6]) for row in (line.split(",") for line in objects)}
     assert in_table == in_maps
+
+
+def test_labelled_events_are_those_of_the_slices(prepared, tmp_path, discs):
+    run = prepared(event_labels=True)
+    save_run(run, tmp_path, Wanted(dense=False, video_speed=None))
+    first, last = run.span.first * 25_000, run.span.last * 25_000
+    with h5py.File(tmp_path / "events.h5") as saved:
+        expected = discs.between(first, last)
+        for name, column in (("t_us", expected.t), ("x", expected.x), ("y", expected.y), ("p", expected.p)):
+            np.testing.assert_array_equal(saved[name], column)
+        in_table = {int(row.split(",")[1]) for row in rows_in(tmp_path / "objects.csv")}
+        assert set(np.unique(saved["object"]).tolist()) - {0} <= in_table
+        assert (saved["object"][:] > 0).mean() > 0.5  # all events are on one of the two discs
 
 
 def test_the_summary_says_what_was_done(prepared, tmp_path):
@@ -99,19 +112,30 @@ def test_a_stopped_run_is_complete_up_to_there(prepared, tmp_path):
         assert len(maps["t_us"]) == len(maps["ids"]) == 7
 
 
+def test_a_stopped_run_labels_the_events_up_to_there(prepared, tmp_path, discs):
+    run = prepared(event_labels=True)
+    save_run(run, tmp_path, Wanted(dense=False, video_speed=None), control=StopAfter(7))
+    with h5py.File(tmp_path / "events.h5") as saved:
+        first = run.span.first
+        assert len(saved["object"]) == len(discs.between(first * 25_000, (first + 7) * 25_000))
+
+
 def test_stopped_before_the_first_slice_leaves_nothing(prepared, tmp_path):
     control = Control()
     control.stopped = True
-    run = prepared()
+    run = prepared(event_labels=True)
     assert save_run(run, tmp_path / "out", Wanted(dense=True, video_speed=None), control=control) is None
     assert not (tmp_path / "out").exists()
 
 
 def test_outputs_of_an_earlier_run_that_stay_are_said(prepared, tmp_path):
-    save_run(prepared(), tmp_path, Wanted(dense=True, video_speed=None))
-    with pytest.warns(EvimoWarning, match=r"estimates\.h5 is from an earlier run"):
+    save_run(prepared(event_labels=True), tmp_path, Wanted(dense=True, video_speed=None))
+    with pytest.warns(EvimoWarning) as caught:
         save_run(prepared(), tmp_path, Wanted(dense=False, video_speed=None))
-    assert (tmp_path / "estimates.h5").exists()
+    told = "\n".join(str(each.message) for each in caught)
+    for name in ("estimates.h5", "events.h5"):
+        assert f"{name} is from an earlier run" in told
+        assert (tmp_path / name).exists()
 
 
 @pytest.mark.parametrize("dense", [True, False])
@@ -129,7 +153,7 @@ def test_a_full_disk_is_our_error(prepared, tmp_path, monkeypatch, dense):
 def test_a_failure_keeps_the_old_outputs(prepared, tmp_path):
     save_run(prepared(), tmp_path, Wanted(dense=False, video_speed=None))
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    run = prepared()
+    run = prepared(event_labels=True)
     read = run.events.read
 
     def broken(start_us):

@@ -30,6 +30,7 @@ def run(
     start: float = 0.0,
     stop: float | None = None,
     dense: bool | None = None,
+    event_labels: bool = False,
     video: bool = True,
     video_speed: float = 0.25,
 ) -> int:
@@ -50,18 +51,21 @@ def run(
         start: seconds after the first event. Slices lie on the recording's own clock and do not move with it.
         stop: seconds after the first event.
         dense: write estimates.h5; by default for less than 60 s of recording.
+        event_labels: write events.h5, every event with the object that it belongs to. The events then also sharpen the
+            objects' velocities, in objects.csv too.
         video: make video.mp4.
         video_speed: of the video, 1 being real time; the default is slow enough to watch single slices.
     """
     if not 0 < video_speed <= 100:
         raise BadInput(f"a video {video_speed:g} times as fast", fix="--video-speed between 0 and 100, as in 0.25")
     with _heard_warnings() as heard:
-        prepared = _prepared(recording, sensor, model=model, calibration=calibration, span_s=(start, stop))
+        how = {"start_s": start, "stop_s": stop, "event_labels": event_labels}
+        prepared = _prepared(recording, sensor, model=model, calibration=calibration, how=how)
         from evimo.streaming.saving import Wanted, save_run
 
         dense = prepared.span.length_s < SHORT_S if dense is None else dense
         wanted = Wanted(dense=dense, video_speed=video_speed if video else None)
-        settings = {"start_s": start, "stop_s": stop, "calibration": calibration and calibration.name, "sensor": sensor}
+        settings = how | {"calibration": calibration and calibration.name, "sensor": sensor}
         with _controlled(len(prepared.span), heard) as control:
             saved = save_run(prepared, out or _default_folder(recording), wanted, settings=settings, control=control)
     if saved is None:
@@ -75,9 +79,9 @@ def _default_folder(recording: Path) -> Path:
 
 
 def _prepared(
-    recording: Path, sensor: str | None, *, model: str, calibration: Path | None, span_s: tuple[float, float | None]
+    recording: Path, sensor: str | None, *, model: str, calibration: Path | None, how: dict[str, Any]
 ) -> "Run":
-    """The run over a recording, everything checked that can be before it starts."""
+    """The run over a recording, everything checked that can be before it starts; `how` as in `Run`."""
     from evimo.events.io.opening import open_events
     from evimo.events.io.sensors import sensor_size
     from evimo.streaming.inference import Network
@@ -90,7 +94,7 @@ def _prepared(
         from evimo.geometry.calibration import load_camera
 
         camera = load_camera(calibration, size=events.sensor)
-    return Run(events, network, camera=camera, start_s=span_s[0], stop_s=span_s[1])
+    return Run(events, network, camera=camera, **how)
 
 
 @contextmanager

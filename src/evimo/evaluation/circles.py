@@ -51,12 +51,14 @@ def load_circles(path: str | Path) -> Circles:
     return Circles(*columns)
 
 
-def circle_scores(part: Slice, moving: Mask, circles: Circles, *, first_us: int) -> dict[str, Scores]:
+def circle_scores(
+    part: Slice, moving: Mask, circles: Circles, *, first_us: int, labels: Mask | None = None
+) -> dict[str, Scores]:
     """Event IoU of one slice, by row; truth is each event's distance at its own time.
 
     An event moves if it lies within the radius + 3 px; events outside the truth's time range are left out. Rows: the
-    mask, the trivial answers, every density threshold ("density 1.23"), and the same circle drawn once at the slice's
-    centre, which is the most a mask per slice can be expected to reach.
+    mask, `labels` (N,) of the slice's events if given, the trivial answers, every density threshold ("density 1.23"),
+    and the same circle drawn once at the slice's centre, which is the most a mask per slice can be expected to reach.
     """
     t_s = np.asarray((part.events.t - first_us) * 1e-6, np.float64)
     known = (t_s >= circles.t_s[0]) & (t_s <= circles.t_s[-1])
@@ -67,6 +69,7 @@ def circle_scores(part: Slice, moving: Mask, circles: Circles, *, first_us: int)
     density = baselines.event_density(part.events, moving.shape)[events.y, events.x]
     called = {
         "model": moving[events.y, events.x],
+        **({} if labels is None else {"model, every event labelled": labels[known]}),
         "nothing moves": np.zeros(len(events), np.bool_),
         "everything moves": np.ones(len(events), np.bool_),
         "circle drawn at the slice's centre": circles.distance(x, y, centre_s) <= MARGIN_PX,

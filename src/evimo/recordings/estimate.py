@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.events.events import Events
+
 
 @dataclass(frozen=True, slots=True)
 class MovingObject:
@@ -27,6 +29,18 @@ class MovingObject:
 
 
 @dataclass(frozen=True, slots=True)
+class EventLabels:
+    """The events of one slice, and the object that each belongs to.
+
+    events:  all events of the slice, on the sensor.
+    objects: (N,) uint8 beside them, 0 is background, else `MovingObject.id`.
+    """
+
+    events: Events
+    objects: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
 class Estimate:
     """The answer for one slice [start_us, stop_us), valid at its centre, in sensor pixels (H, W).
 
@@ -38,6 +52,7 @@ class Estimate:
     ego:        (6,) the camera's twist relative to the static world, camera axes:
                 translation in mean depths per second, rotation in rad/s.
     objects:    the moving objects of this slice.
+    event_labels: of the slice's events; None unless asked for.
     """
 
     t_us: int
@@ -50,6 +65,7 @@ class Estimate:
     valid: NDArray[np.bool_]
     ego: NDArray[np.float64]
     objects: tuple[MovingObject, ...]
+    event_labels: EventLabels | None = None
 
     @property
     def moving(self) -> NDArray[np.bool_]:

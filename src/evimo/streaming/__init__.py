@@ -1,7 +1,8 @@
 """Packets in, estimates out, in constant memory: `run`, and the files that `evimo run` leaves.
 
 ONNX Runtime runs the exported networks; there is no torch here. `pipeline` joins the stages; `regions`, `identities`
-and `objects` turn the motion mask into objects that keep their ids; `outputs` writes tables, maps and the video.
+and `objects` turn the motion mask into objects that keep their ids; `layers` and `event_labels` tell which
+of them each event belongs to; `outputs` writes tables, maps, labelled events and the video.
 """
 
 from evimo.streaming.pipeline import run

@@ -78,7 +78,7 @@ class Looks:
         return kept[size]
 
 
-def joined(parts: Sequence[EventStack | None]) -> EventStack:
+def stacked(parts: Sequence[EventStack | None]) -> EventStack:
     """The stack of slices around a middle one, whose times are about their own centres; None is a missing slice."""
     half = len(parts) // 2
     there = [(number - half, part) for number, part in enumerate(parts) if part is not None]

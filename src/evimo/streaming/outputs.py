@@ -8,6 +8,7 @@ from evimo.events.events import Events
 from evimo.events.slices import SLICE_US
 from evimo.recordings.estimate import Estimate
 from evimo.streaming.estimates_file import EstimatesFile
+from evimo.streaming.events_file import EventsFile
 from evimo.streaming.output_folder import OutputFolder
 from evimo.streaming.pipeline import Run
 from evimo.streaming.tables import Tables
@@ -15,34 +16,37 @@ from evimo.streaming.threads import Background
 from evimo.viewing.panels import Panels
 from evimo.viewing.video import VideoWriter
 
-Output = TypeVar("Output", Tables, EstimatesFile, "Video")
+Output = TypeVar("Output", Tables, EstimatesFile, EventsFile, "Video")
 
-OPTIONAL = ("estimates.h5", "video.mp4")
+OPTIONAL = ("estimates.h5", "events.h5", "video.mp4")
 FASTEST_FPS = 60.0  # players drop images beyond their screen's rate: rather leave out slices
 
 
 class Outputs:
-    """Takes estimates slice by slice and writes the tables, and where wanted the maps and the video."""
+    """Takes estimates slice by slice and writes the tables, and where wanted maps, labelled events and the video."""
 
     def __init__(self, folder: OutputFolder, run: Run, *, dense: bool, video_speed: float | None) -> None:
         """Open the files.
 
         Args:
             folder: where to.
-            run: that makes the estimates.
+            run: that makes the estimates; if it labels events, `events.h5` is written.
             dense: write `estimates.h5`.
             video_speed: of `video.mp4`, 1 being real time; None for no video.
         """
         self._watch = run.stopwatch
         self._open = ExitStack()
         self._tables = self._opened(Tables(folder.path("egomotion.csv"), folder.path("objects.csv")))
-        self._maps = self._video = None
+        self._maps = self._events = self._video = None
+        network = run.network
+        about = {"recording": run.events.path.name, "model": network.name, "model_sha256": network.sha256}
         if dense:
-            network = run.network
-            about = {"recording": run.events.path.name, "model": network.name, "model_sha256": network.sha256}
             path, valid = folder.path("estimates.h5"), run.rectification.valid
             maps = EstimatesFile(path, valid, attributes=about, watch=run.stopwatch)
             self._maps = self._opened(maps)
+        if run.labels_events:
+            events = EventsFile(folder.path("events.h5"), attributes=about, watch=run.stopwatch)
+            self._events = self._opened(events)
         if video_speed is not None:
             self._video = self._opened(Video(folder, run, speed=video_speed))
 
@@ -53,6 +57,9 @@ class Outputs:
         if self._maps:
             with self._watch.stage("waiting for maps"):
                 self._maps.write(estimate)
+        if self._events and estimate.event_labels:
+            with self._watch.stage("waiting for events"):
+                self._events.write(estimate.event_labels)
         if self._video:
             with self._watch.stage("waiting for video"):
                 self._video.write(estimate, events)

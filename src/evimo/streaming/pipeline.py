@@ -9,11 +9,12 @@ than a second.
 from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from evimo.errors import BadInput
-from evimo.events.events import Events
+from evimo.events.events import Events, joined
 from evimo.events.io.event_file import EventFile
 from evimo.events.local_motion import motion_candidates
 from evimo.events.slices import Slice, in_slices, in_stacks
@@ -21,8 +22,9 @@ from evimo.events.stack import EventStack
 from evimo.geometry.camera import Camera, assumed_camera
 from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
+from evimo.streaming.event_labels import EventLabeller
 from evimo.streaming.inference import Answer, CameraMotion, Network
-from evimo.streaming.looks import Looks, Placed, joined
+from evimo.streaming.looks import Looks, Placed, stacked
 from evimo.streaming.objects import ObjectFinder
 from evimo.streaming.span import STACKED, span_of
 from evimo.streaming.stopwatch import Stopwatch
@@ -31,11 +33,18 @@ from evimo.streaming.threads import ahead, in_parallel
 AHEAD = 2  # stacks that wait for the networks
 
 
-class Looked(NamedTuple):
-    """One slice, the stack of events it is the middle of, and what the first pass says of it."""
+class Stacked(NamedTuple):
+    """One slice, its events (and its neighbours', if they are to be labelled), and the stack it is the middle of."""
 
     part: Slice
+    window: Events
     stack: EventStack
+
+
+class Looked(NamedTuple):
+    """A stack, and what the first pass says of its middle slice."""
+
+    stacked: Stacked
     motion: CameraMotion
 
 
@@ -46,6 +55,7 @@ def run(
     camera: Camera | None = None,
     start_s: float = 0.0,
     stop_s: float | None = None,
+    event_labels: bool = False,
 ) -> Iterator[Estimate]:
     """Estimate depth, moving objects and motion for each complete slice of 25 ms.
 
@@ -57,12 +67,15 @@ def run(
             [k·25 ms, (k + 1)·25 ms) of the recording's own clock, and its estimate is the same in any span (the ids
             of objects count from the first slice of the span).
         stop_s: seconds after the first event; None is the end.
+        event_labels: give each estimate `event_labels`, and objects whose flow and velocity their events sharpened.
 
     Raises:
         NotFound, BadFile: the model.
         BadInput: the camera is of another size, or the span holds no complete slice.
     """
-    return _estimates(Run(events, Network(model), camera=camera, start_s=start_s, stop_s=stop_s))
+    network = Network(model)
+    prepared = Run(events, network, camera=camera, start_s=start_s, stop_s=stop_s, event_labels=event_labels)
+    return _estimates(prepared)
 
 
 def _estimates(prepared: "Run") -> Iterator[Estimate]:
@@ -90,6 +103,7 @@ class Run:
         camera: Camera | None = None,
         start_s: float = 0.0,
         stop_s: float | None = None,
+        event_labels: bool = False,
     ) -> None:
         """See `run`."""
         self.events = events
@@ -102,16 +116,37 @@ class Run:
         self._looks = Looks(self.rectification, stride=network.stride)
         self.stopwatch = Stopwatch()
         self.finder = ObjectFinder(self.rectification)
+        self._labeller = EventLabeller(self.rectification) if event_labels else None
+
+    @property
+    def labels_events(self) -> bool:
+        """Whether estimates come with `event_labels`."""
+        return self._labeller is not None
 
     def slices(self) -> Generator[tuple[Estimate, Events]]:
         """Each slice's estimate and its events; once."""
+        found = self._found()
+        if self._labeller is not None:
+            found = in_parallel(partial(self._labelled, self._labeller), found, workers=self.network.workers)
+        with closing(found):
+            for estimate, stacked in found:
+                yield estimate, stacked.part.events
+
+    def _found(self) -> Generator[tuple[Estimate, Stacked]]:
+        """Each slice's estimate, without labels of events."""
         stacks = ahead(self._stacks(), depth=AHEAD)
         firsts = in_parallel(self._first, stacks, workers=self.network.workers)
         with closing(in_parallel(self._second, self._looked(firsts), workers=self.network.workers)) as answers:
-            for part, answer in answers:
+            for stacked, answer in answers:
+                start_us, stop_us = stacked.part.start_us, stacked.part.stop_us
                 with self.stopwatch.stage("objects"):
-                    estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
-                yield estimate, part.events
+                    estimate = self.finder.estimate(answer, start_us=start_us, stop_us=stop_us)
+                yield estimate, stacked
+
+    def _labelled(self, labeller: EventLabeller, found: tuple[Estimate, Stacked]) -> tuple[Estimate, Stacked]:
+        estimate, stacked = found
+        with self.stopwatch.stage("event labels"):
+            return labeller.label(estimate, stacked.window), stacked
 
     def _slices(self) -> Iterator[Slice]:
         span = self.span
@@ -126,36 +161,37 @@ class Run:
                 placed = self.placed.slice(part)
             yield part, placed
 
-    def _stacks(self) -> Generator[tuple[Slice, EventStack]]:
+    def _stacks(self) -> Generator[Stacked]:
         """Each slice with the stack it is the middle of."""
-        for stack in in_stacks(self._placed(), None, length=STACKED):
-            middle = stack[STACKED // 2]
-            if middle is not None:
-                yield middle[0], joined([each and each[1] for each in stack])
+        half = STACKED // 2
+        for row in in_stacks(self._placed(), None, length=STACKED):
+            if (middle := row[half]) is not None:
+                near = row[half - 1 : half + 2] if self.labels_events else [middle]
+                window = joined([each[0].events for each in near if each is not None])
+                yield Stacked(middle[0], window, stacked([each and each[1] for each in row]))
 
-    def _first(self, item: tuple[Slice, EventStack]) -> Looked:
-        part, stack = item
+    def _first(self, stacked: Stacked) -> Looked:
         with self.stopwatch.stage("first look"):
-            seen = self._looks.first(stack)
+            seen = self._looks.first(stacked.stack)
         with self.stopwatch.stage("local motion"):
             candidates = motion_candidates(seen.voxels)
         with self.stopwatch.stage("first pass"):
-            return Looked(part, stack, self.network.first(seen, candidates))
+            return Looked(stacked, self.network.first(seen, candidates))
 
     def _looked(self, firsts: Generator[Looked]) -> Generator[tuple[Looked, ...]]:
         """Five in a row around each slice of the span; at the ends of what is read the nearest one again."""
         with closing(firsts):
             for row in in_stacks(firsts, None, length=STACKED):
                 middle = row[STACKED // 2]
-                if middle is not None and self.span.first <= middle.part.index < self.span.last:
+                if middle is not None and self.span.first <= middle.stacked.part.index < self.span.last:
                     yield tuple(_nearest(row, number, middle) for number in range(STACKED))
 
-    def _second(self, row: tuple[Looked, ...]) -> tuple[Slice, Answer]:
+    def _second(self, row: tuple[Looked, ...]) -> tuple[Stacked, Answer]:
         middle = row[STACKED // 2]
         with self.stopwatch.stage("second look"):
-            seen = self._looks.second(middle.stack, [each.motion for each in row])
+            seen = self._looks.second(middle.stacked.stack, [each.motion for each in row])
         with self.stopwatch.stage("second pass"):
-            return middle.part, self.network.second(seen, middle.motion)
+            return middle.stacked, self.network.second(seen, middle.motion)
 
 
 def _nearest(row: tuple[Looked | None, ...], number: int, middle: Looked) -> Looked:

@@ -87,7 +87,7 @@ def _space_on(folder: OutputFolder) -> Generator[None]:
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise
-        fix = "another --out folder, or fewer outputs: --no-dense, --no-video"
+        fix = "another --out folder, or fewer outputs: --no-dense, --no-video, no --event-labels"
         raise BadInput(f"no space left for {folder.folder}", fix=fix) from error
 
 
