@@ -24,14 +24,17 @@ CLEARLY = 0.9  # errors of the best axes have at most this share of those of the
 LEAST_GAIN = 10.0  # and they are e to this power likelier
 ALIKE = 4  # this many neighbouring slices err alike: together they count as one
 ROUNDS = 20
-AXES = np.array(
-    [
-        matrix
-        for order in permutations(range(3))
-        for signs in product((1, -1), repeat=3)
-        if np.linalg.det(matrix := np.eye(3)[list(order)] * np.array(signs)[:, None]) > 0
-    ]
-)  # (24, 3, 3): all rotations that map axes onto axes
+AXES = (
+    np.array(
+        [
+            matrix
+            for order in permutations(range(3))
+            for signs in product((1, -1), repeat=3)
+            if np.linalg.det(matrix := np.eye(3)[list(order)] * np.array(signs)[:, None]) > 0
+        ]
+    )
+    + 0.0
+)  # (24, 3, 3): all rotations that map axes onto axes; without negative zeros
 
 
 @dataclass(frozen=True, eq=False)
