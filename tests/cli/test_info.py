@@ -45,3 +45,14 @@ def test_info_of_bad_input_is_an_error_of_ours(recording, tmp_path):
     (tmp_path / "empty.es").write_bytes(b"")
     with pytest.raises(BadFile, match="empty"):
         info(tmp_path / "empty.es")
+
+
+@pytest.mark.filterwarnings("ignore::evimo.errors.EvimoWarning")
+def test_info_tells_the_gyroscope(recording, tmp_path, capsys):
+    info(recording, sensor="64x48")
+    assert "gyroscope    none\n" in capsys.readouterr().out
+    t_us = 500 * np.arange(1000)
+    rows = np.array([[0.0, 5, 6, 1], [0.5, 7, 8, 0]])
+    np.savez(tmp_path / "a.npz", events=rows, sim_imu_t_us=t_us, sim_imu_gyro=np.zeros((1000, 3), np.float32))
+    info(tmp_path / "a.npz", sensor="64x48")
+    assert "gyroscope    1,000 samples, 2,000 Hz, in camera axes (a.npz, simulated)" in capsys.readouterr().out

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from evimo.events.gyroscope import Gyroscope
 from evimo.events.io import CameraHint, EventFile, open_events
 from evimo.events.io.event_file import fault_parts
 from evimo.events.io.sensors import sensor_size
@@ -39,6 +40,7 @@ def facts(recording: EventFile) -> dict[str, str]:
         "polarity": f"{on / max(events, 1):.1%} on, {1 - on / max(events, 1):.1%} off",
         "timestamps": _order(recording),
         "camera": _camera(recording.camera_hint),
+        "gyroscope": _gyroscope(recording.gyroscope()),
         **recording.contents,
     }
 
@@ -48,6 +50,13 @@ def _order(recording: EventFile) -> str:
     faults = recording.faults
     sorted_or_not = "sorted" if faults.out_of_order + faults.late == 0 else "not sorted"
     return "; ".join([sorted_or_not, *fault_parts(faults, recording.sensor)])
+
+
+def _gyroscope(gyroscope: Gyroscope | None) -> str:
+    if gyroscope is None:
+        return "none"
+    axes = "in camera axes" if gyroscope.in_camera_axes else "in its own axes"
+    return f"{len(gyroscope):,} samples, {gyroscope.rate_hz:,.0f} Hz, {axes} ({gyroscope.source})"
 
 
 def _camera(hint: CameraHint | None) -> str:

@@ -19,6 +19,8 @@ COUNTED = {
     "recordings/davis346_ball_person/dvSave-2021_01_15_15_43_05.aedat4": ((260, 346), 237_073),
     "recordings/davis346_road/davis346.aedat4": ((260, 346), 78_830),
     "recordings/davis240_poster/poster_translation.npz": ((180, 240), 100_000),
+    "recordings/davis240_boxes_imu/IMU_translBoxes.aedat": ((180, 240), 162_771),
+    "formats/aedat/aedat2_dvs128_dark_box.aedat": ((128, 128), 489_834),
     "formats/aedat/dvxplorer_head.aedat4": ((240, 320), 111_954),
     "formats/ros/davis346_1s_dvs_msgs.bag": ((260, 346), 35_525),
     "formats/ros/event_camera_msgs_evt3.bag": ((480, 640), 343_474),

@@ -11,6 +11,7 @@ import numpy as np
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
+from evimo.events.io.aedat4_gyroscope import packet_gyroscope
 from evimo.events.io.aedat4_packets import Head, PacketTable, head, packet_events, packet_table, walked
 from evimo.events.io.event_file import EventFile
 from evimo.events.io.survey import Survey, no_events_in, surveyed
@@ -47,6 +48,7 @@ def open_aedat4(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
         start_us=survey.start_us,
         stop_us=survey.stop_us,
         read=read,
+        read_gyroscope=lambda: packet_gyroscope(path, top, table, stream),
         contents=_contents(top, table),
     )
 

@@ -21,6 +21,7 @@ from evimo.events.events import Events
 
 EVENT = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("on", "u1"), ("", "V3")])
 FIRST_LINE_BYTES = 14
+GYROSCOPE_FIELDS = (5, 6, 7)  # of a sample: after its time, temperature and three accelerations
 
 
 class Stream(NamedTuple):
@@ -113,16 +114,34 @@ def packet_events(file: IO[bytes], offset: int, compression: int) -> Events:
     Raises:
         ValueError: the packet is damaged.
     """
-    file.seek(offset)
     try:
-        size = struct.unpack("<ii", file.read(8))[1]
-        raw = unpacked(file.read(max(size, 0)), compression)
+        raw = _packet(file, offset, compression)
         vector, count = _vector(raw)
         stored = np.frombuffer(raw, EVENT, count, vector)
     except struct.error as error:
         raise ValueError("not a packet of events") from error
     p = np.where(stored["on"] > 0, 1, -1).astype(np.int8)
     return Events(stored["x"].astype(np.uint16), stored["y"].astype(np.uint16), stored["t"].astype(np.int64), p)
+
+
+def packet_rates(file: IO[bytes], offset: int, compression: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Times (N,) µs and angular velocities (N, 3) degrees/s of the IMU samples of the packet at a byte offset.
+
+    Raises:
+        ValueError: the packet is damaged.
+    """
+    try:
+        rows = _rows(np.frombuffer(_packet(file, offset, compression), np.uint8))
+        rates = [rows.column(number, "<f4") for number in GYROSCOPE_FIELDS]
+        return rows.column(0, "<i8").astype(np.int64), np.stack(rates, axis=1).astype(np.float64)
+    except (struct.error, IndexError) as error:
+        raise ValueError("not a packet of IMU samples") from error
+
+
+def _packet(file: IO[bytes], offset: int, compression: int) -> bytes:
+    file.seek(offset)
+    size = struct.unpack("<ii", file.read(8))[1]
+    return unpacked(file.read(max(size, 0)), compression)
 
 
 def unpacked(raw: bytes, compression: int) -> bytes:
@@ -187,26 +206,40 @@ def _vector(raw: bytes) -> tuple[int, int]:
     return at + 4, struct.unpack_from("<I", raw, at)[0]
 
 
-def _table(raw: NDArray[np.uint8]) -> PacketTable:
-    """The rows of the table, each a FlatBuffer table of its own, read column by column."""
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """A vector of FlatBuffer tables, read column by column: where each row, its layout and its fields are."""
+
+    raw: NDArray[np.uint8]
+    row: NDArray[np.int64]
+    layout: NDArray[np.int64]
+    fields: NDArray[np.int64]
+
+    def column(self, number: int, kind: str) -> NDArray[Any]:
+        """Numbers of one field; 0 where it is left out."""
+        there = np.flatnonzero(self.fields > number)
+        offset = _gathered(self.raw, self.layout[there] + 4 + 2 * number, "<u2").astype(np.int64)
+        there, offset = there[offset > 0], offset[offset > 0]
+        values = np.zeros(len(self.row), kind)
+        values[there] = _gathered(self.raw, self.row[there] + offset, kind)
+        return values
+
+
+def _rows(raw: NDArray[np.uint8]) -> _Rows:
     first, count = _vector(raw.tobytes())
     place = first + 4 * np.arange(count)
     row = place + _gathered(raw, place, "<u4")
     layout = row - _gathered(raw, row, "<i4")
-    fields = (_gathered(raw, layout, "<u2") - 4) // 2
-
-    def column(number: int, kind: str) -> NDArray[np.int64]:
-        there = np.flatnonzero(fields > number)
-        offset = _gathered(raw, layout[there] + 4 + 2 * number, "<u2")
-        there, offset = there[offset > 0], offset[offset > 0]
-        values = np.zeros(count, np.int64)
-        values[there] = _gathered(raw, row[there] + offset, kind)
-        return values
-
-    return PacketTable(column(0, "<i8") - 8, column(1, "<i4"), column(2, "<i8"), column(3, "<i8"), column(4, "<i8"))
+    return _Rows(raw, row, layout, (_gathered(raw, layout, "<u2").astype(np.int64) - 4) // 2)
 
 
-def _gathered(raw: NDArray[np.uint8], at: NDArray[Any], kind: str) -> NDArray[np.int64]:
+def _table(raw: NDArray[np.uint8]) -> PacketTable:
+    rows = _rows(raw)
+    columns = [rows.column(at, kind).astype(np.int64) for at, kind in enumerate(("<i8", "<i4", "<i8", "<i8", "<i8"))]
+    return PacketTable(columns[0] - 8, *columns[1:])
+
+
+def _gathered(raw: NDArray[np.uint8], at: NDArray[Any], kind: str) -> NDArray[Any]:
     """Numbers at unaligned places."""
     size = np.dtype(kind).itemsize
-    return raw[at[:, None] + np.arange(size)].view(kind)[:, 0].astype(np.int64)
+    return raw[at[:, None] + np.arange(size)].view(kind)[:, 0]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
+from evimo.events.gyroscope import Gyroscope
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +34,11 @@ def hint_from_matrix(matrix: NDArray[np.floating], size: tuple[int, int], source
         return None
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return CameraHint(fx=fx, fy=fy, cx=cx, cy=cy, height=size[0], width=size[1], source=source)
+
+
+def no_gyroscope() -> Gyroscope | None:
+    """What a recording without a gyroscope says of it."""
+    return None
 
 
 @dataclass(slots=True)
@@ -63,6 +69,7 @@ class EventFile:
     stop_us:     time of the last event + 1.
     read:        the format's reader: packets from a place at or before the given time to the end, as stored.
     camera_hint: intrinsics that lie inside the file.
+    read_gyroscope: the format's reader of gyroscopes.
     contents:    what else is inside, name to description.
     faults:      what the newest pass had to move or leave out; complete when the pass is.
     """
@@ -74,6 +81,7 @@ class EventFile:
     stop_us: int
     read: Callable[[int], Iterator[Events]]
     camera_hint: CameraHint | None = None
+    read_gyroscope: Callable[[], Gyroscope | None] = no_gyroscope
     contents: dict[str, str] = field(default_factory=dict[str, str])
     faults: Faults = field(default_factory=Faults, init=False)
 
@@ -100,6 +108,16 @@ class EventFile:
             if len(cut):
                 yield cut
         self._report(faults, kept)
+
+    def gyroscope(self) -> Gyroscope | None:
+        """All samples of the gyroscope beside the sensor; None where the recording has none.
+
+        They are read anew by each call, whole: a minute at 1 kHz is 2 MB.
+
+        Raises:
+            BadFile: they are damaged.
+        """
+        return self.read_gyroscope()
 
     def _report(self, faults: Faults, kept: int) -> None:
         if faults.late > kept:

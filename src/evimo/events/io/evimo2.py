@@ -14,6 +14,7 @@ from evimo.events.events import Events
 from evimo.events.io.event_file import CameraHint, EventFile, hint_from_matrix
 from evimo.events.io.npz_members import Archive, array_header
 from evimo.events.io.sensors import assumed_sensor
+from evimo.events.io.stored_gyroscope import folder_gyroscope
 from evimo.events.io.survey import no_events_in
 
 PACKET_EVENTS = 1 << 17
@@ -47,6 +48,7 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
         stop_us=int(_as_us(t[-1:])[0]) + 1,
         read=read,
         camera_hint=_camera(folder, size),
+        read_gyroscope=lambda: folder_gyroscope(folder),
         contents=_contents(folder),
     )
 

@@ -14,6 +14,7 @@ from evimo.events.events import Events
 from evimo.events.io.event_file import CameraHint, EventFile, hint_from_matrix
 from evimo.events.io.npz_members import Archive, ArrayHeader, skip
 from evimo.events.io.sensors import assumed_sensor
+from evimo.events.io.stored_gyroscope import simulated_gyroscope
 from evimo.events.io.survey import surveyed
 
 BLOCK_ROWS = 1 << 16
@@ -49,6 +50,7 @@ def open_evimo_npz(path: Path, sensor: tuple[int, int] | None = None) -> EventFi
         stop_us=survey.stop_us,
         read=read,
         camera_hint=_camera(archive, size),
+        read_gyroscope=lambda: simulated_gyroscope(archive, "sim_imu_"),
         contents=_contents(archive),
     )
 

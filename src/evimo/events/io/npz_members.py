@@ -81,6 +81,16 @@ class Archive:
         count = int(np.prod(header.shape))
         if count > 1000:
             raise BadFile(f"`{name}` in {self.path.name} has {count} values", fix="check what the file holds")
+        return self.whole(name)
+
+    def whole(self, name: str) -> NDArray[Any]:
+        """A whole member.
+
+        Raises:
+            BadFile: it is cut short, holds Python objects, or is no array.
+        """
+        header = self.header(name)
+        count = int(np.prod(header.shape))
         stream = self.stream(name)
         skip(stream, header.offset)
         raw = stream.read(count * header.dtype.itemsize)

@@ -26,6 +26,8 @@ def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> E
             from evimo.events.io.evimo_npz import open_evimo_npz as opened
         case "evimo2":
             from evimo.events.io.evimo2 import open_evimo2 as opened
+        case "aedat2":
+            from evimo.events.io.aedat2 import open_aedat2 as opened
         case "aedat4":
             from evimo.events.io.aedat4 import open_aedat4 as opened
         case "event_stream":
@@ -45,6 +47,7 @@ def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> E
 def _title(kind: str) -> str:
     titles = {
         "evimo_npz": "a NumPy archive",
+        "aedat2": "an AEDAT 2 recording",
         "aedat4": "an AEDAT 4 recording",
         "event_stream": "an Event Stream",
         "rosbag1": "a ROS 1 bag",

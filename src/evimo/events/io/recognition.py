@@ -6,11 +6,12 @@ from typing import Literal
 
 from evimo.errors import BadFile, NotFound
 
-Kind = Literal["evimo_npz", "evimo2", "aedat4", "event_stream", "rosbag1", "text"]
+Kind = Literal["evimo_npz", "evimo2", "aedat2", "aedat4", "event_stream", "rosbag1", "text"]
 
 SUFFIXES: dict[Kind, tuple[str, ...]] = {
     "evimo_npz": (".npz",),
     "evimo2": (".npy", ".json", ".npz"),
+    "aedat2": (".aedat", ".aedat2", ".dat"),
     "aedat4": (".aedat4",),
     "event_stream": (".es",),
     "rosbag1": (".bag",),
@@ -18,13 +19,14 @@ SUFFIXES: dict[Kind, tuple[str, ...]] = {
 }
 STARTS: dict[bytes, Kind] = {
     b"PK\x03\x04": "evimo_npz",
+    b"#!AER-DAT2": "aedat2",
     b"#!AER-DAT4": "aedat4",
     b"Event Stream": "event_stream",
     b"#ROSBAG V2": "rosbag1",
 }
 # Recognised, and said to be so, until their readers exist.
 NOT_YET = {
-    b"#!AER-DAT": ("AEDAT 1 to 3", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
+    b"#!AER-DAT": ("AEDAT 1 or 3", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
     b"\x89HDF": ("HDF5", "write the events as text: one line `t x y p` each"),
     b"SQLite format 3": ("a ROS 2 bag (db3)", "convert it to a ROS 1 bag: rosbags-convert --src DIR --dst FILE.bag"),
     b"\x89MCAP": ("a ROS 2 bag (mcap)", "convert it to a ROS 1 bag: rosbags-convert --src DIR --dst FILE.bag"),
@@ -39,7 +41,7 @@ NO_RECORDING = {
     b"\xff\xd8\xff": ("a picture", "give an event recording"),
 }
 PICKLE = re.compile(rb"\x80[\x02-\x05]|\(dp\d|c\w+\n\w+\n")
-READABLE = "EV-IMO npz, EVIMO2 folder, text or CSV (t x y p), AEDAT 4, Event Stream (.es), ROS 1 bag"
+READABLE = "EV-IMO npz, EVIMO2 folder, text or CSV (t x y p), AEDAT 2 and 4, Event Stream (.es), ROS 1 bag"
 
 
 def recognised(path: Path) -> Kind:

@@ -12,10 +12,12 @@ from evimo.events.events import Events, joined
 from evimo.events.io.bag_records import Bag, ChunkPlace, open_bag
 from evimo.events.io.event_file import CameraHint, EventFile
 from evimo.events.io.event_messages import ARRAYS, PACKETS, Decoder, PacketDecoder, array_events, image_size
+from evimo.events.io.rosbag1_gyroscope import bag_gyroscope
 from evimo.events.io.survey import no_events_in
 
 MARGIN_US = 1_000_000  # between an event and the recording of its message
 DRIFT = 1e-4  # of the sensor's clock against the recorder's
+SAME_CLOCK_US = 60_000_000  # a sensor's own clock differs from the recorder's by years
 CONTENTS = {
     "frames": ("Image", "CompressedImage"),
     "IMU": ("Imu",),
@@ -43,6 +45,11 @@ class EventTopic:
         """About the sensor's time at a time of the recorder."""
         recorded_us, event_us = self.clocks_us
         return event_us + recorded_ns // 1000 - recorded_us
+
+    def of_stamp(self, stamp_ns: int) -> int:
+        """The events' time at another message's stamp, which events share unless they are in the sensor's own clock."""
+        recorded_us, event_us = self.clocks_us
+        return stamp_ns // 1000 if abs(recorded_us - event_us) < SAME_CLOCK_US else self.expected_us(stamp_ns)
 
     def compared(self) -> "EventTopic":
         """The same with its clocks compared at the first message that has events.
@@ -114,6 +121,7 @@ def open_rosbag1(path: Path, sensor: tuple[int, int] | None = None) -> EventFile
         stop_us=int(last.t.max()) + 1,
         read=topic.read,
         camera_hint=_camera(bag, topic.connection, sensor or size),
+        read_gyroscope=lambda: bag_gyroscope(bag, topic.connection, topic.of_stamp),
         contents=_contents(bag),
     )
 
