@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from rich.console import Console
 
@@ -25,7 +26,11 @@ WIDTH = 150
 
 
 def evaluate(
-    *paths: Path, model: str = "small", out: Path | None = None, density_threshold: float = DENSITY_THRESHOLD
+    *paths: Path,
+    model: str = "small",
+    out: Path | None = None,
+    imu: Literal["auto", "off"] = "off",
+    density_threshold: float = DENSITY_THRESHOLD,
 ) -> None:
     """Score a model on simulated recordings, beside the trivial answers.
 
@@ -34,9 +39,10 @@ def evaluate(
         model: a preset, or the path of an ONNX file.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
+        imu: off scores events alone; auto takes the camera's rotation from the recordings' gyroscopes.
         density_threshold: times the mean event density, for that baseline; tuned on other recordings.
     """
-    report = evaluated(recordings_in(paths), model=model, out=out, density_threshold=density_threshold)
+    report = evaluated(recordings_in(paths), model=model, out=out, imu=imu, density_threshold=density_threshold)
     console = Console()
     Console(width=max(console.width, WIDTH)).print(as_rich(report))  # narrower, the tables fold into columns of letters
     if out is not None:
@@ -74,12 +80,15 @@ def _recordings_below(path: Path) -> list[Path]:
     return sorted(shown)
 
 
-def evaluated(folders: list[Path], *, model: str, out: Path | None, density_threshold: float) -> Report:
+def evaluated(
+    folders: list[Path], *, model: str, out: Path | None, density_threshold: float, imu: str = "off"
+) -> Report:
     """The report of all recordings, scored one after the other; what was scored before is read from `out`."""
     settings: dict[str, str | float] = {
         "model": model,
         "model sha256": Network(model).sha256,
         "density threshold": density_threshold,
+        "imu": imu,
         "evimo": own_version(),
     }
     recordings = [open_recording(folder) for folder in folders]
@@ -89,7 +98,7 @@ def evaluated(folders: list[Path], *, model: str, out: Path | None, density_thre
     with progress(sum(len(each) for each, report in zip(recordings, reports, strict=True) if report is None)) as tick:
         for recording, path, report in zip(recordings, kept, reports, strict=True):
             if report is None:
-                estimates = streaming.run(recording.events, model=model, camera=recording.camera)
+                estimates = streaming.run(recording.events, model=model, camera=recording.camera, imu=imu)
                 scored = score_recording(
                     recording,
                     ticked(estimates, tick),

@@ -7,7 +7,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
@@ -31,6 +31,7 @@ def run(
     stop: float | None = None,
     dense: bool | None = None,
     event_labels: bool = False,
+    imu: Literal["auto", "off"] = "auto",
     video: bool = True,
     video_speed: float = 0.25,
 ) -> int:
@@ -53,13 +54,15 @@ def run(
         dense: write estimates.h5; by default for less than 60 s of recording.
         event_labels: write events.h5, every event with the object that it belongs to. The events then also sharpen the
             objects' velocities, in objects.csv too.
+        imu: auto takes the camera's rotation from the recording's gyroscope, where there is one whose axes are known or
+            can be found; off takes it from the events alone. summary.json says which it was.
         video: make video.mp4.
         video_speed: of the video, 1 being real time; the default is slow enough to watch single slices.
     """
     if not 0 < video_speed <= 100:
         raise BadInput(f"a video {video_speed:g} times as fast", fix="--video-speed between 0 and 100, as in 0.25")
     with _heard_warnings() as heard:
-        how = {"start_s": start, "stop_s": stop, "event_labels": event_labels}
+        how = {"start_s": start, "stop_s": stop, "event_labels": event_labels, "imu": imu}
         prepared = _prepared(recording, sensor, model=model, calibration=calibration, how=how)
         from evimo.streaming.saving import Wanted, save_run
 

@@ -2,9 +2,9 @@
 """Motion candidates by least squares (Lucas and Kanade, 1981) from counts of neighbouring slices.
 
 One window and one baseline cannot serve all speeds (docs/decisions/0003-motion-evidence.md has the measurements): slow
-motion shows over several slices, fast motion only after the slices have been warped by a first guess. Products of spatial
-and temporal differences are what a small network cannot form by itself. Images are C-contiguous float32, polarities or
-products first; outside an image is zero.
+motion shows over several slices, fast motion only after the slices have been warped by a first guess. Products of
+spatial and temporal differences are what a small network cannot form by itself. Images are C-contiguous float32,
+polarities or products first; outside an image is zero.
 """
 
 from math import exp

@@ -17,7 +17,6 @@ F4 = NDArray[np.float32]
 
 HALF = 2  # px of the rectified image per pixel of the answer
 QUARTER = 4  # and of the first pass's answer
-UNKNOWN = np.zeros(4, np.float32)  # rotation
 
 
 class Placed:
@@ -55,11 +54,11 @@ class Looks:
         self._intrinsics = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
         self._memory = threading.local()
 
-    def first(self, stack: EventStack, rotation: F4 = UNKNOWN) -> Seen:
+    def first(self, stack: EventStack, rotation: F4) -> Seen:
         """The events as they come, at half the rectified image's size."""
         return self._seen(stack, self.cells, rotation, step=CELL)
 
-    def second(self, stack: EventStack, motions: Sequence[CameraMotion], rotation: F4 = UNKNOWN) -> Seen:
+    def second(self, stack: EventStack, motions: Sequence[CameraMotion], rotation: F4) -> Seen:
         """The events without the camera's motion: that of each of the five slices, at the middle one's depth."""
         middle = motions[STACKED // 2]
         twist = np.stack([motion.ego for motion in motions]).astype(np.float32)

@@ -10,8 +10,12 @@ from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import asdict
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from evimo.errors import BadInput
 from evimo.events.events import Events, joined
@@ -26,6 +30,7 @@ from evimo.streaming.event_labels import EventLabeller
 from evimo.streaming.inference import Answer, CameraMotion, Network
 from evimo.streaming.looks import Looks, Placed, stacked
 from evimo.streaming.objects import ObjectFinder
+from evimo.streaming.rotation import ALIGNED_OVER, NO_ROTATION, SLICE_S, UNKNOWN, Rotation, rotation_of
 from evimo.streaming.span import STACKED, span_of
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import ahead, in_parallel
@@ -56,6 +61,7 @@ def run(
     start_s: float = 0.0,
     stop_s: float | None = None,
     event_labels: bool = False,
+    imu: str = "auto",
 ) -> Iterator[Estimate]:
     """Estimate depth, moving objects and motion for each complete slice of 25 ms.
 
@@ -68,14 +74,14 @@ def run(
             of objects count from the first slice of the span).
         stop_s: seconds after the first event; None is the end.
         event_labels: give each estimate `event_labels`, and objects whose flow and velocity their events sharpened.
+        imu: `auto` takes the camera's rotation from the recording's gyroscope where there is one; `off` does not.
 
     Raises:
         NotFound, BadFile: the model.
-        BadInput: the camera is of another size, or the span holds no complete slice.
+        BadInput: the camera is of another size, the span holds no complete slice, or `imu` is neither.
     """
-    network = Network(model)
-    prepared = Run(events, network, camera=camera, start_s=start_s, stop_s=stop_s, event_labels=event_labels)
-    return _estimates(prepared)
+    how = {"start_s": start_s, "stop_s": stop_s, "event_labels": event_labels, "imu": imu}
+    return _estimates(Run(events, Network(model), camera=camera, **how))
 
 
 def _estimates(prepared: "Run") -> Iterator[Estimate]:
@@ -104,8 +110,11 @@ class Run:
         start_s: float = 0.0,
         stop_s: float | None = None,
         event_labels: bool = False,
+        imu: str = "auto",
     ) -> None:
         """See `run`."""
+        if imu not in ("auto", "off"):
+            raise BadInput(f"no way {imu!r} to use an IMU", fix="auto or off")
         self.events = events
         self.network = network
         self.span = span_of(events, start_s=start_s, stop_s=stop_s)
@@ -117,11 +126,29 @@ class Run:
         self.stopwatch = Stopwatch()
         self.finder = ObjectFinder(self.rectification)
         self._labeller = EventLabeller(self.rectification) if event_labels else None
+        self._rotation = NO_ROTATION if imu == "off" else None
 
     @property
     def labels_events(self) -> bool:
         """Whether estimates come with `event_labels`."""
         return self._labeller is not None
+
+    @property
+    def rotation(self) -> Rotation:
+        """What is known of the camera's rotation; a gyroscope's axes are found when it is first asked for."""
+        if self._rotation is None:
+            self._rotation = rotation_of(self.events, self._seen_rotations)
+        return self._rotation
+
+    def _seen_rotations(self) -> tuple[list[int], NDArray[np.float64]]:
+        """Centres of the first slices of the span, and the rotation that the first pass sees in them, rad/s."""
+        looked: list[Looked] = []
+        with closing(self._stacks()) as stacks:
+            for stacked in islice(stacks, ALIGNED_OVER):
+                looked.append(self._first(stacked, UNKNOWN))
+        self.placed.dropped = 0
+        rates = [each.motion.ego[3:] / SLICE_S for each in looked]
+        return [each.stacked.part.centre_us for each in looked], np.array(rates, np.float64).reshape(-1, 3)
 
     def slices(self) -> Generator[tuple[Estimate, Events]]:
         """Each slice's estimate and its events; once."""
@@ -134,9 +161,11 @@ class Run:
 
     def _found(self) -> Generator[tuple[Estimate, Stacked]]:
         """Each slice's estimate, without labels of events."""
+        rotation = self.rotation
         stacks = ahead(self._stacks(), depth=AHEAD)
-        firsts = in_parallel(self._first, stacks, workers=self.network.workers)
-        with closing(in_parallel(self._second, self._looked(firsts), workers=self.network.workers)) as answers:
+        firsts = in_parallel(partial(self._first_of, rotation), stacks, workers=self.network.workers)
+        second = partial(self._second_of, rotation)
+        with closing(in_parallel(second, self._looked(firsts), workers=self.network.workers)) as answers:
             for stacked, answer in answers:
                 start_us, stop_us = stacked.part.start_us, stacked.part.stop_us
                 with self.stopwatch.stage("objects"):
@@ -170,9 +199,12 @@ class Run:
                 window = joined([each[0].events for each in near if each is not None])
                 yield Stacked(middle[0], window, stacked([each and each[1] for each in row]))
 
-    def _first(self, stacked: Stacked) -> Looked:
+    def _first_of(self, rotation: Rotation, stacked: Stacked) -> Looked:
+        return self._first(stacked, rotation.of_slice(stacked.part.start_us, stacked.part.stop_us))
+
+    def _first(self, stacked: Stacked, rotation: NDArray[np.float32]) -> Looked:
         with self.stopwatch.stage("first look"):
-            seen = self._looks.first(stacked.stack)
+            seen = self._looks.first(stacked.stack, rotation)
         with self.stopwatch.stage("local motion"):
             candidates = motion_candidates(seen.voxels)
         with self.stopwatch.stage("first pass"):
@@ -186,10 +218,12 @@ class Run:
                 if middle is not None and self.span.first <= middle.stacked.part.index < self.span.last:
                     yield tuple(_nearest(row, number, middle) for number in range(STACKED))
 
-    def _second(self, row: tuple[Looked, ...]) -> tuple[Stacked, Answer]:
+    def _second_of(self, rotation: Rotation, row: tuple[Looked, ...]) -> tuple[Stacked, Answer]:
         middle = row[STACKED // 2]
+        part = middle.stacked.part
         with self.stopwatch.stage("second look"):
-            seen = self._looks.second(middle.stacked.stack, [each.motion for each in row])
+            known = rotation.of_slice(part.start_us, part.stop_us)
+            seen = self._looks.second(middle.stacked.stack, [each.motion for each in row], known)
         with self.stopwatch.stage("second pass"):
             return middle.stacked, self.network.second(seen, middle.motion)
 

@@ -47,6 +47,7 @@ def summary(run: Run, course: Course, *, settings: dict[str, Any], warnings: Seq
             "stop_us": events.stop_us,
         },
         "camera": asdict(rectification.camera) | {"source": run.camera_source},
+        "rotation": run.rotation.said,
         "rectified_image": asdict(rectification.image),
         "slices": course.slices,
         "interrupted": course.interrupted,
