@@ -80,8 +80,17 @@ def run(
         NotFound, BadFile: the model.
         BadInput: the camera is of another size, the span holds no complete slice, or `imu` is neither.
     """
-    how = {"start_s": start_s, "stop_s": stop_s, "event_labels": event_labels, "imu": imu}
-    return _estimates(Run(events, Network(model), camera=camera, **how))
+    return _estimates(
+        Run(
+            events,
+            Network(model),
+            camera=camera,
+            start_s=start_s,
+            stop_s=stop_s,
+            event_labels=event_labels,
+            imu=imu,
+        )
+    )
 
 
 def _estimates(prepared: "Run") -> Iterator[Estimate]:
