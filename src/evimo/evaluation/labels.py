@@ -7,10 +7,7 @@ from numpy.typing import NDArray
 
 from evimo.evaluation.metrics import Mask
 from evimo.events.events import Events
-from evimo.recordings.truth import ObjectTruth, Truth
-
-MOVING_M_S = 0.03
-MOVING_RAD_S = float(np.deg2rad(10))
+from evimo.recordings.truth import Truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +35,9 @@ class LabelledSlice:
     dt_s: float
 
 
-def is_moving(body: ObjectTruth) -> bool:
-    """Faster than 3 cm/s or 10 degrees/s relative to the static world now; slower is resting, thus background."""
-    speed, turning = float(np.linalg.norm(body.velocity)), float(np.linalg.norm(body.rotation))
-    return speed > MOVING_M_S or turning > MOVING_RAD_S
-
-
 def moving_mask(truth: Truth) -> Mask:
     """(H, W), where an object that moves at this instant is seen."""
-    return np.isin(truth.ids, [key for key, body in truth.objects.items() if is_moving(body)])
+    return np.isin(truth.ids, [key for key, body in truth.objects.items() if body.moves])
 
 
 def labelled(

@@ -28,7 +28,7 @@ class SimulatedSource:
     """Which recordings, and how long each is used.
 
     seed: of the first recording; others follow. sets: that they are of, in turn. seconds: of each.
-    sensor, camera, size: as in `simulate_recording`. part: what their scenes are held to.
+    sensor, camera, size, population: as in `simulate_recording`. part: what their scenes are held to.
     pool: recordings in memory at a time; a slice of 346x260 px takes 2.4 MB. batches: until the oldest is replaced.
     threads: of the CPU that draw scenes and work out lenses.
     """
@@ -40,6 +40,7 @@ class SimulatedSource:
     camera: str = "random"
     size: tuple[int, int] | None = None
     part: str | None = "train"
+    population: str = "stress"
     pool: int = 64
     batches: int = 8
     threads: int = 4
@@ -109,6 +110,7 @@ def _made_ready(source: SimulatedSource, seed: int) -> "Ready":
         sensor=source.sensor,
         size=source.size,
         part=source.part,
+        population=source.population,
         device="cuda",
     )
     return made_ready(recording)
