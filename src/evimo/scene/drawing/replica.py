@@ -25,7 +25,10 @@ NO_MOVERS = 0.08  # share of short training scenes without any
 FOLLOWED = 0.1  # share of cameras that follow a mover
 MAPS = 4  # textures of streets in a bank, for tables
 DISTANCE = {"boxes": (1.0, 2.0), "floor": (0.9, 1.5), "wall": (1.0, 1.9), "table": (0.75, 1.3), "tabletop": (0.7, 1.1)}
-PIXELS = {"low": (3.0, 8.0), "medium": (3.5, 9.0), "high": (4.0, 11.0)}  # of movers, per slice of 25 ms
+PIXELS = {"low": (2.7, 9.0), "medium": (3.0, 9.0), "high": (4.0, 11.0)}  # of movers, per slice of 25 ms
+ROOM_FAINT = 0.15  # of patterned surfaces of rooms
+LOW_FOCUS, LOW_ELEVATION = 0.2, (0.25, 0.65)  # m and rad, in rooms of boxes: their floor is in view
+FLOOR_PLAIN = 0.5  # times the set's share of plain surfaces, before floors
 CLUTTERED = ("boxes", "tabletop")  # rooms where toys stand about
 MOST_STANDING = 4
 TOY_CONTRAST, TOY_PERIOD = (1.3, 3.0), (0.08, 0.3)
@@ -47,8 +50,9 @@ def draw_replica_scene(
     bank: with maps, for the tables. meshes: the user's own, which some of the toys are then.
     """
     kind = str(rng.choice(style.rooms))
-    plain, brightest = float(np.clip(style.plain + rng.normal() * 0.15, 0, 0.8)), float(rng.uniform(2.0, 3.0))
-    room = furnished(rng, kind, Paint(bank, plain, (1.2, brightest), ROOM_PERIOD), cloth=_cloth(rng, bank))
+    bare = style.plain * (FLOOR_PLAIN if kind == "floor" else 1.0)
+    plain, brightest = float(np.clip(bare + rng.normal() * 0.15, 0, 0.8)), float(rng.uniform(2.0, 3.0))
+    room = furnished(rng, kind, Paint(bank, plain, (1.2, brightest), ROOM_PERIOD, ROOM_FAINT), cloth=_cloth(rng, bank))
     view, pace = _viewpoint(rng, kind, room), _jittered(rng, PACES[style.pace])
     camera = camera_motion(rng, (view.position, view.axes), pace, seconds, followed=0.0)
     toys = Paint(bank, 0.1, TOY_CONTRAST, TOY_PERIOD, faint=0.0)
@@ -79,7 +83,9 @@ def _jittered(rng: np.random.Generator, pace: Pace) -> Pace:
 
 def _viewpoint(rng: np.random.Generator, kind: str, room: Room) -> View:
     """Where the camera is meant to be, looking at the room's focus from as near as toys are filmed."""
-    distance, up, side = rng.uniform(*DISTANCE[kind]), rng.uniform(*ELEVATION[kind]), rng.uniform(-0.6, 0.6)
+    room.focus[2] = LOW_FOCUS if kind == "boxes" else room.focus[2]
+    elevation = LOW_ELEVATION if kind == "boxes" else ELEVATION[kind]
+    distance, up, side = rng.uniform(*DISTANCE[kind]), rng.uniform(*elevation), rng.uniform(-0.6, 0.6)
     way = np.array([math.sin(side) * math.cos(up), -math.cos(side) * math.cos(up), math.sin(up)])
     inside = room.half[:2] - 0.25
     low, high = np.array([*-inside, 0.3]), np.array([*inside, 2 * room.half[2] - 0.3])
