@@ -263,7 +263,7 @@ def _on_string(rng: np.random.Generator, play: Play, thing: Thing, speed: float)
     aside = axes_level(rng, play.view)
     scale, ratio = min(speed / length, 0.6 * 2 * math.pi * hz), float(rng.uniform(0.45, 0.9)) * rng.choice([-1, 1])
     round_ = Orbit(scale * aside[1], ratio * scale * aside[0], hz, float(rng.uniform(0, 2 * math.pi)), np.zeros(3))
-    swing = Swing(np.array([0.0, 0.0, -length]), round_)  # type: ignore[arg-type]
+    swing = Swing(np.array([0.0, 0.0, -length]), round_)
     return hung, Motion(thing.at, np.eye(3), (swing,), round_)
 
 
@@ -271,7 +271,7 @@ def axes_level(rng: np.random.Generator, view: View) -> tuple[F8, F8]:
     """Level directions (3,) across the picture, roughly, and along the line of sight."""
     angle = _heading(rng, view)
     across = np.array([math.cos(angle), math.sin(angle), 0.0])
-    return across, np.cross((0, 0, 1), across)
+    return across, np.cross(np.array([0.0, 0.0, 1.0]), across)
 
 
 def _tossed(rng: np.random.Generator, play: Play, thing: Thing, speed: float) -> tuple[Thing, Motion]:
