@@ -19,7 +19,6 @@ from rich.console import Console
 
 from evimo import streaming
 from evimo.evaluation.circles import added_rows, event_scores
-from evimo.evaluation.labels import is_moving
 from evimo.evaluation.scores import Scores
 from evimo.evaluation.scoring import Labeller
 from evimo.events.events import Events, joined
@@ -67,7 +66,7 @@ def recording_scores(path: Path, model: str | None) -> dict[str, Scores]:
 
 def moving_keys(truth: Truth) -> list[int]:
     """The ids of what moves now."""
-    return [key for key, body in truth.objects.items() if is_moving(body)]
+    return [key for key, body in truth.objects.items() if body.moves]
 
 
 def labelled(recording: Recording, whole: Events, model: str | None) -> Iterator[tuple[Estimate, Rectification]]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evimo.evaluation.labels import is_moving, labelled, of_moving
+from evimo.evaluation.labels import labelled, of_moving
 from evimo.recordings.truth import ObjectTruth
 
 
@@ -12,7 +12,7 @@ from evimo.recordings.truth import ObjectTruth
 )
 def test_convention_moving_is_faster_than_3_cm_or_10_degrees_per_second(speed_m_s, turning_deg_s, moving):
     body = ObjectTruth(np.zeros(3), np.array([0, 0, -speed_m_s]), np.array([np.deg2rad(turning_deg_s), 0, 0]))
-    assert is_moving(body) is moving
+    assert body.moves is moving
 
 
 def test_resting_objects_are_background(sample, still_sample, box):

@@ -10,10 +10,11 @@ from evimo.cli import main
 from evimo.cli.simulate import simulate
 from evimo.errors import BadInput
 from evimo.recordings.recording import open_recording
-from evimo.scene.drawing.pools import family
 from evimo.scene.drawing.scenes import SETS
+from evimo.scene.drawing.toys import KINDS, UNSEEN
 from evimo.scene.textures.patterns import SIZE
 from evimo.simulate.cameras import EVIMO
+from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.replica import INDEX, ReplicaPlan, simulate_replica
 
@@ -22,7 +23,7 @@ TINY = ReplicaPlan(minutes=2 / 60, seed=5, size=(24, 32))
 
 @pytest.fixture(scope="module")
 def drawn():
-    """The scenes of a short replica, not filmed."""
+    """The recordings of a short replica, not filmed."""
     return [
         (
             sequence,
@@ -34,7 +35,8 @@ def drawn():
                 size=(24, 32),
                 part=sequence.part,
                 room=sequence.room,
-            ).scene,
+                population="replica",
+            ),
         )
         for sequence in TINY.sequences
     ]
@@ -69,30 +71,70 @@ def test_the_split_is_the_papers():
 
 
 def test_what_is_drawn_for_testing_is_never_drawn_for_training(drawn):
-    textures, families = {"train": set(), "test": set()}, {"train": set(), "test": set()}
-    for sequence, scene in drawn:
+    textures, kinds = {"train": set(), "test": set()}, {"train": set(), "test": set()}
+    for sequence, scene in ((sequence, recording.scene) for sequence, recording in drawn):
         texels = scene.bank.texels
         numbers = {part.surface.texture for body in scene.bodies for part in body.parts}
         textures[sequence.part] |= {texels[n * SIZE**2 : (n + 1) * SIZE**2].tobytes() for n in numbers}
-        families[sequence.part] |= {family(part.shape for part in body.parts) for body in scene.bodies[1:]}
+        kinds[sequence.part] |= {body.kind for body in scene.bodies[1:]}
     assert len(textures["train"]) > 50
     assert len(textures["test"]) > 50
     assert not textures["train"] & textures["test"]
-    assert len(families["train"]) > 10
-    assert len(families["test"]) > 10
-    assert not families["train"] & families["test"]
+    assert kinds["train"] == set(KINDS) - set(UNSEEN)
+    assert kinds["test"] == set(KINDS)
 
 
 def test_every_sequence_has_the_movers_of_its_set(drawn):
-    assert all(len(scene.movers) in SETS[sequence.set].movers for sequence, scene in drawn)
+    assert all(len(recording.scene.movers) in SETS[sequence.set].movers for sequence, recording in drawn)
+
+
+def test_a_recording_tells_its_population_background_and_which_objects_are_new(drawn):
+    for sequence, facts in ((sequence, recording.facts()) for sequence, recording in drawn):
+        assert facts["population"] == "replica"
+        assert facts["background"] == sequence.background
+        assert facts["objects"].keys() == facts["objects_seen"].keys() == {str(k + 1) for k in range(facts["movers"])}
+        new = {number for number, kind in facts["objects"].items() if kind in UNSEEN}
+        assert {number for number, seen in facts["objects_seen"].items() if not seen} == new
+        assert not new or sequence.part == "test"
+
+
+def test_stress_scenes_tell_nothing_new_and_are_another_population():
+    stress, replica = (
+        simulate_recording(3, set_number=4, seconds=0.1, size=(24, 32), part="test", population=population)
+        for population in ("stress", "replica")
+    )
+    assert not stress.facts().keys() & {"population", "background", "objects", "objects_seen"}
+    assert len(stress.scene.bodies) != len(replica.scene.bodies)
+    assert {body.kind for body in stress.scene.bodies} == {""}
+
+
+def test_tables_of_a_replica_are_covered_with_streets(drawn):
+    for sequence, recording in drawn:
+        scene = recording.scene
+        streets = {part.surface.texture for part in scene.bodies[0].parts} & set(scene.bank.maps.tolist())
+        assert bool(streets) == (sequence.room in ("table", "tabletop"))
+
+
+@pytest.mark.parametrize("population", ["easy", ""])
+def test_a_population_that_does_not_exist_is_refused(population):
+    with pytest.raises(BadInput, match="stress, replica"):
+        simulate_recording(0, population=population)
+
+
+def test_a_folder_takes_recordings_of_one_population(tmp_path):
+    how = {"set_number": 4, "minutes": 0.05 / 60, "seed": 3, "seconds": 0.05, "size": (24, 32), "camera": "evimo"}
+    (path,) = simulate_dataset(DatasetPlan(**how, population="replica", part="train"), tmp_path)
+    assert open_recording(path).meta["population"] == "replica"
+    with pytest.raises(BadInput, match="population replica"):
+        next(simulate_dataset(DatasetPlan(**how, part="train"), tmp_path))
 
 
 def test_a_floor_is_seen_from_above_and_a_wall_is_not(drawn):
     """The room asked for is the one drawn: both are of set 2."""
     down = {"floor": [], "wall": []}
-    for sequence, scene in drawn:
+    for sequence, recording in drawn:
         if sequence.set == 2:
-            down[sequence.room].append(-scene.camera.rotation[2, 2])
+            down[sequence.room].append(-recording.scene.camera.rotation[2, 2])
     assert min(down["floor"]) > max(down["wall"])
 
 
@@ -145,6 +187,7 @@ def test_it_resumes_where_it_stopped(tmp_path):
         ({"set": "3"}, "--minutes, --seed"),
         ({"sensor": "gen4"}, "--minutes, --seed"),
         ({"camera": "evimo"}, "--minutes, --seed"),
+        ({"part": "test"}, "--minutes, --seed"),
     ],
 )
 def test_bad_requests_say_what_would_do(how, message, tmp_path):

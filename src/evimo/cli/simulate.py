@@ -29,7 +29,9 @@ def simulate(
     sensor: Literal["davis346", "davis240", "dvxplorer", "gen4", "samsung"] = "davis346",
     size: str | None = None,
     seconds: float = 1.0,
-    camera: Literal["random", "evimo"] = "random",
+    camera: Literal["random", "evimo"] | None = None,
+    population: Literal["stress", "replica"] = "stress",
+    part: Literal["train", "test"] | None = None,
     layout: Literal["evimo2", "evimo1"] = "evimo2",
     events: Literal["aedat4", "raw"] | None = None,
     texture_dir: Path | None = None,
@@ -54,7 +56,9 @@ def simulate(
         sensor: size, thresholds and noise of this event camera.
         size: WxH in pixels, if not the sensor's own.
         seconds: of each recording; whole slices of 0.025 s.
-        camera: random lenses, or EV-IMO's own scaled to the size.
+        camera: random lenses, or EV-IMO's own scaled to the size, which is what the population replica has by default.
+        population: of scenes; stress is harder than what people film, replica is toys played with, as in EV-IMO.
+        part: train or test; textures, and shapes or some kinds of toys, of one are never in the other.
         layout: of EVIMO2, a folder, which is what the other commands take, or of EV-IMO's first version, an .npz.
         events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
         texture_dir: folder of PNG and JPEG pictures; textures are cut from them, besides those of the package.
@@ -72,8 +76,8 @@ def simulate(
     check_workers(workers)
     own = OwnFolders(texture_dir, mesh_dir)
     if replica:
-        defaults = (set, sensor, seconds, camera, layout, events) == ("all", "davis346", 1.0, "random", "evimo2", None)
-        if not defaults:
+        given = (set, sensor, seconds, camera, layout, events, population, part)
+        if given != ("all", "davis346", 1.0, None, "evimo2", None, "stress", None):
             raise BadInput("a replica has its own sets, sensor, camera and lengths", fix=REPLICA_TAKES)
         from evimo.simulate.replica import MINUTES, ReplicaPlan
 
@@ -90,13 +94,15 @@ def simulate(
         minutes=minutes,
         seed=seed,
         seconds=seconds,
-        camera=camera,
+        camera=camera or ("evimo" if population == "replica" else "random"),
         sensor=sensor,
         size=_size(size),
         layout=layout,
         events=events,
+        part=part,
         own=own,
         device=device,
+        population=population,
     )
     _write_dataset(plan, out, workers)
 

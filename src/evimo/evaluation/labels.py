@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 
 from evimo.evaluation.metrics import Mask
 from evimo.events.events import Events
-from evimo.recordings.truth import ObjectTruth, Truth
+from evimo.recordings.truth import Truth
 
-MOVING_M_S = 0.03
-MOVING_RAD_S = float(np.deg2rad(10))
 SMALL_AREA_PX = 30
 """Of objects with fewer scored pixels neither velocity nor detection is scored."""
 
@@ -81,15 +79,9 @@ class LabelledSlice:
     dt_s: float
 
 
-def is_moving(body: ObjectTruth) -> bool:
-    """Faster than 3 cm/s or 10 degrees/s relative to the static world now; slower is resting, thus background."""
-    speed, turning = float(np.linalg.norm(body.velocity)), float(np.linalg.norm(body.rotation))
-    return speed > MOVING_M_S or turning > MOVING_RAD_S
-
-
 def of_moving(ids: NDArray[np.uint8], truth: Truth) -> Mask:
     """Which of the ids, of pixels or of events, are those of objects that move at this instant."""
-    return np.isin(ids, [key for key, body in truth.objects.items() if is_moving(body)])
+    return np.isin(ids, [key for key, body in truth.objects.items() if body.moves])
 
 
 def labelled(

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation import metrics
-from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice, is_moving, of_moving
+from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice, of_moving
 from evimo.evaluation.metrics import Floats, Mask
 from evimo.evaluation.ratios import Score, Scores, added
 from evimo.evaluation.strata import mover_scores
@@ -155,7 +155,7 @@ def object_scores(velocity: Floats, sample: LabelledSlice, *, metres: float | No
     parts: list[Scores] = []
     for key, body in sample.truth.objects.items():
         inside = sample.scored & (sample.truth.ids == key)
-        if not is_moving(body) or np.count_nonzero(inside) < SMALL_AREA_PX:
+        if not body.moves or np.count_nonzero(inside) < SMALL_AREA_PX:
             continue
         mean = velocity[inside].mean(axis=0)
         aee = float(metrics.endpoint_error(metrics.scaled_to(mean, body.velocity), body.velocity))

@@ -19,7 +19,6 @@ from evimo.recordings.recording import Recording, open_recording
 from evimo.recordings.truth import Truth
 
 FORMAT = 1
-MOVING_MPS, MOVING_RADPS = 0.03, 0.17  # an object that is slower counts as resting
 SUBPIXEL = 64  # steps per px of stored event positions
 NAMES = ("frames", "valid", "depth", "ids", "moving", "clutter", "flow", "velocity", "ego")
 EVENT_NAMES = ("event_xy", "event_t", "event_on", "event_first")
@@ -149,8 +148,7 @@ def _truth_row(truth: Truth, grid: NDArray[np.float64], rectification: Rectifica
     """One slice's truth in the rectified image."""
     velocity, moves = np.zeros((256, 3), np.float32), np.zeros(256, np.bool_)
     for number, motion in truth.objects.items():
-        speed, turn = np.linalg.norm(motion.velocity), np.linalg.norm(motion.rotation)
-        moves[number] = speed > MOVING_MPS or turn > MOVING_RADPS
+        moves[number] = motion.moves
         velocity[number] = motion.velocity * moves[number]
     flow = np.clip(true_flow(truth, grid), -1e4, 1e4)
     return {

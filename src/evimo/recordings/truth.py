@@ -1,9 +1,12 @@
 """What really happened at one instant, in sensor pixels."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+MOVING_MPS, MOVING_RADPS = 0.03, math.radians(10)  # what is slower rests, and counts as background
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +21,12 @@ class ObjectTruth:
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
     rotation: NDArray[np.float64]
+
+    @property
+    def moves(self) -> bool:
+        """Whether it moves now, faster than 3 cm/s or 10 degrees/s relative to the static world; else it rests."""
+        speed, turning = float(np.linalg.norm(self.velocity)), float(np.linalg.norm(self.rotation))
+        return speed > MOVING_MPS or turning > MOVING_RADPS
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,12 +61,13 @@ class Part:
 class Body:
     """Parts that move together; without motion they stand in the world.
 
-    clutter: drawn like the movers, but static.
+    clutter: drawn like the movers, but static. kind: of toy, if it is one of `toys.KINDS`.
     """
 
     parts: tuple[Part, ...]
     motion: Motion | None = None
     clutter: bool = False
+    kind: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +77,7 @@ class Scene:
     bodies:  the first is the room; movers have the ids 1 to K in their order, every static body has id 0.
     light:   (3,) unit vector to the light, world axes. ambient: share of light without direction.
     lamp:    angular radius of the light, rad; with 0 nothing throws a shadow. Otherwise all bodies but the first do.
+    room:    its kind, where that is known.
     """
 
     bodies: tuple[Body, ...]
@@ -85,6 +87,7 @@ class Scene:
     bank: TextureBank
     meshes: MeshBank = NO_MESHES
     lamp: float = 0.0
+    room: str = ""
 
     @property
     def movers(self) -> tuple[Body, ...]:

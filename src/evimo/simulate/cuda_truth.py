@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evimo.geometry.rectification import Rectification
-from evimo.recordings.prepared import MOVING_MPS, MOVING_RADPS
+from evimo.recordings.truth import MOVING_MPS, MOVING_RADPS
 from evimo.scene.rays.on_device import THREADS, blocks, cuda
 from evimo.scene.renderer import Renderer
 

@@ -18,6 +18,7 @@ from evimo.recordings.writer import RecordingWriter
 from evimo.scene.drawing.scenes import SETS
 from evimo.simulate.film import check_device
 from evimo.simulate.own_folders import OWN, OwnFolders
+from evimo.simulate.populations import check_population
 from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording
 from evimo.simulate.resuming import check_made_alike, own_content
 from evimo.simulate.sensor import known_sensor
@@ -34,7 +35,7 @@ class DatasetPlan:
     seconds: of each recording. camera: `random` or `evimo`. sensor: one of `sensor.SENSORS`.
     size: (height, width) in px, if not the sensor's own. layout: `evimo2`, a folder, or `evimo1`, an .npz.
     events: `aedat4` or `raw` for one more file of the events alone, beside each recording.
-    part, room, own, device: as in `simulate_recording`.
+    part, room, own, device, population: as in `simulate_recording`.
     """
 
     set_number: int
@@ -50,9 +51,11 @@ class DatasetPlan:
     room: str | None = None
     own: OwnFolders = OWN
     device: str = "cpu"
+    population: str = "stress"
 
     def __post_init__(self) -> None:
         height, width = self.pixels
+        check_population(self.population)
         if self.layout not in LAYOUTS:
             raise BadInput(f"no layout {self.layout!r}", fix=f"one of {', '.join(LAYOUTS)}")
         if self.events is not None:
@@ -99,7 +102,8 @@ class DatasetPlan:
     def made_of(self) -> dict[str, Any]:
         """What all its recordings share, in the words of `resuming.as_made`."""
         height, width = self.pixels
-        shared = {name: getattr(self, name) for name in ("sensor", "camera", "seconds", "part", "room", "device")}
+        names = ("sensor", "camera", "seconds", "part", "room", "device", "population")
+        shared = {name: getattr(self, name) for name in names}
         return {**shared, "size": f"{width}x{height}", **own_content(self.own.facts())}
 
     def _name(self, seed: int) -> str:
@@ -140,6 +144,7 @@ def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:
             room=plan.room,
             own=plan.own,
             device=plan.device,
+            population=plan.population,
         )
         with _writer(plan, recording, path) as writer:
             for piece in recording:

@@ -53,6 +53,7 @@ def _made_again(recording: Recording, own: OwnFolders) -> SimulatedRecording | N
             part=meta.get("part"),
             room=meta.get("room"),
             own=own,
+            population=meta.get("population", "stress"),
         )
     except (KeyError, TypeError, ValueError, EvimoError):
         return None

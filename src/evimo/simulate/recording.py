@@ -16,14 +16,14 @@ from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.truth import Truth
 from evimo.scene.bodies import Scene
 from evimo.scene.drawing.pools import POOLS
-from evimo.scene.drawing.scenes import SETS, SetStyle, draw_scene
+from evimo.scene.drawing.scenes import SETS, SetStyle
 from evimo.scene.renderer import Renderer
-from evimo.scene.textures.bank import texture_bank
 from evimo.simulate.cameras import draw_camera
 from evimo.simulate.film import check_device, film_on, steps
 from evimo.simulate.imu import ImuSettings, measured
 from evimo.simulate.labelled_events import LabelledEvents, ids_of
 from evimo.simulate.own_folders import OWN, OwnFolders
+from evimo.simulate.populations import bank_of, check_population, drawn_scene, population_facts
 from evimo.simulate.poses import scene_poses
 from evimo.simulate.sensor import SensorSettings, draw_sensor, known_sensor
 
@@ -71,7 +71,7 @@ class SimulatedRecording:
 
     seed, set_number: it is made from these alone (and seconds, camera and sensor). settings: of the sensor.
     sensor: its kind. part, room: what its scene was held to, if it was. own: the user's folders it was drawn from.
-    device: that films it, `cpu` or `cuda`.
+    device: that films it, `cpu` or `cuda`. population: of scenes, one of `populations.POPULATIONS`.
     """
 
     seed: int
@@ -86,6 +86,7 @@ class SimulatedRecording:
     room: str | None = None
     own: OwnFolders = OWN
     device: str = "cpu"
+    population: str = "stress"
 
     @property
     def slices(self) -> int:
@@ -132,6 +133,7 @@ class SimulatedRecording:
             "attempts": self.attempts,
             "device": self.device,
             **held,
+            **population_facts(self.population, self.scene, SETS[self.set_number], self.part),
             **self.own.facts(),
         }
 
@@ -148,6 +150,7 @@ def simulate_recording(
     room: str | None = None,
     own: OwnFolders = OWN,
     device: str = "cpu",
+    population: str = "stress",
 ) -> SimulatedRecording:
     """Draw a recording of one of the paper's sets.
 
@@ -159,9 +162,11 @@ def simulate_recording(
         room: one of the set's. own: folders of pictures for textures, and of meshes.
         device: that films it, `cpu` or `cuda`: the same scene, but not quite the same events, as a GPU casts every
             tile in every frame.
+        population: `stress`, or `replica`: as EV-IMO's pictures show it, where 8 % of short scenes lack movers, unless
+            they are held to a room or for testing.
 
     Raises:
-        BadInput: no such set, camera, sensor, part, room or device, or less than one slice.
+        BadInput: no such set, camera, sensor, part, room, device or population, or less than one slice.
         NotFound, BadFile: as `OwnFolders.check` says.
     """
     if set_number not in SETS:
@@ -169,21 +174,21 @@ def simulate_recording(
     if round(seconds / SLICE_S) < 1:
         raise BadInput(f"a recording of {seconds} s", fix="at least 0.025 s")
     check_device(device)
+    check_population(population)
     kind = known_sensor(sensor)
-    style, pool = _style(set_number, part, room), POOLS[part] if part else None
-    bank = (pool.bank if pool else texture_bank)(seed // RECORDINGS_PER_BANK, images=own.textures)
-    meshes = own.mesh_bank()
-    glances = max(GLANCES, math.ceil(seconds)) if pool else GLANCES
+    style, bank = _style(set_number, part, room), bank_of(population, seed // RECORDINGS_PER_BANK, part, own)
+    glances = max(GLANCES, math.ceil(seconds)) if part else GLANCES
     attempt = 0
     while True:
         rng = np.random.default_rng((seed, set_number, attempt))
         lens = draw_camera(rng, camera, size or kind.size)
-        scene = draw_scene(rng, style, bank, seconds=seconds, pool=pool, meshes=meshes)
+        scene = drawn_scene(population, rng, style, bank, seconds=seconds, part=part, whole=room is not None, own=own)
         attempt += 1
         if _is_watchable(scene, lens, seconds, glances) or attempt == ATTEMPTS:
             settings = draw_sensor(rng, dark=style.dark or rng.random() < DARK, sensor=sensor)
             drawn = SimulatedRecording(seed, set_number, seconds, lens, scene, settings, attempt)
-            return replace(drawn, sensor=sensor, part=part, room=room, own=own, device=device)
+            held_to = replace(drawn, part=part, room=room, own=own, population=population)
+            return replace(held_to, sensor=sensor, device=device)
 
 
 def _style(set_number: int, part: str | None, room: str | None) -> SetStyle:

@@ -114,13 +114,21 @@ class ReplicaPlan:
             room=sequence.room,
             own=self.own,
             device=self.device,
+            population="replica",
         )
 
     def index(self) -> dict[str, object]:
         """What the index says: the plan, and every sequence of it."""
         height, width = self.dataset(self.sequences[0]).pixels
         own = {name: fact["sha256"] for name, fact in self.own.facts().items()}
-        plan = {"minutes": self.minutes, "seed": self.seed, "width": width, "height": height, **own}
+        plan = {
+            "minutes": self.minutes,
+            "seed": self.seed,
+            "width": width,
+            "height": height,
+            "population": "replica",
+            **own,
+        }
         plan |= {} if self.device == "cpu" else {"device": self.device}
         return {**plan, "sequences": [asdict(sequence) for sequence in self.sequences]}
 

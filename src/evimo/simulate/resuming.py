@@ -35,6 +35,7 @@ def as_made(facts: dict[str, Any]) -> dict[str, Any]:
         "part": facts.get("part"),
         "room": facts.get("room"),
         "device": facts.get("device", "cpu"),
+        "population": facts.get("population", "stress"),
         **own_content(facts),
     }
 

@@ -29,3 +29,10 @@ def test_the_same_seed_paints_the_same(bank):
     texture_bank.cache_clear()
     np.testing.assert_array_equal(texture_bank(7, plain=2, dense=10).texels, bank.texels)
     assert not np.array_equal(texture_bank(8, plain=2, dense=10).texels, bank.texels)
+
+
+def test_maps_come_on_top_of_what_a_bank_has(bank):
+    more = texture_bank(7, plain=2, dense=10, maps=2)
+    assert more.maps.tolist() == [12, 13]
+    np.testing.assert_array_equal(more.texels[: 12 * SIZE * SIZE], bank.texels[: 12 * SIZE * SIZE])
+    assert np.abs(np.diff(more.texels[12 * SIZE * SIZE : 13 * SIZE * SIZE])).max() > 0.1

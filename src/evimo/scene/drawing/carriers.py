@@ -66,10 +66,10 @@ def held(rng: np.random.Generator, thing: Thing, paint: Paint, shoulder: F8) -> 
         rod(elbow, away, 1.5 * thick, sleeve),
     ]
     wide = float(np.clip(reach(far.shape, far.half, far.rotation.T @ axes[:, 0]), 0.02, 0.05))
-    return replace(thing, parts=(*thing.parts, *_hand(grip, axes, wide, skin), *arm), how="hand")
+    return replace(thing, parts=(*thing.parts, *hand_at(grip, axes, wide, skin), *arm), how="hand")
 
 
-def _hand(grip: F8, axes: F8, wide: float, skin: Surface) -> list[Part]:
+def hand_at(grip: F8, axes: F8, wide: float, skin: Surface) -> list[Part]:
     """Palm, thumb and four fingers around something `wide` m to either side; the arm goes along the third axis."""
     palm, thumb = ((0.042, 0.02, 0.048), (0, 0, 0.035)), ((0.011, 0.012, 0.04), (wide + 0.006, 0.012, 0.0))
     fingers = [

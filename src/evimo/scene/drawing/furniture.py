@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.bodies import BOX, Body, Part
+from evimo.scene.bodies import BOX, Body, Part, Surface
 from evimo.scene.drawing.objects import rod
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.motion import turned
@@ -20,7 +20,7 @@ class Room:
 
     half:    (3,) half sizes, m; the floor's middle is the origin, z is up, the far wall is at +y.
     focus:   (3,) what the camera looks at. support: height of what things stand on there, m.
-    stage:   (2, 2) lowest and highest x and y of that.
+    stage:   (2, 2) lowest and highest x and y of that. cloth: what covers a table, if not the room's own paint.
     """
 
     rng: np.random.Generator
@@ -30,6 +30,7 @@ class Room:
     support: float = 0.0
     stage: F8 = field(default_factory=lambda: np.array([[-9.0, -9.0], [9.0, 9.0]]))
     parts: list[Part] = field(default_factory=list)
+    cloth: Surface | None = None
 
     def add(self, shape: int, position: tuple[float, ...] | F8, half: tuple[float, ...] | F8, **how: object) -> None:
         """A part at `position` with half sizes `half`; `how`: rotation, plain (share) or surface, fields of Part."""

@@ -54,7 +54,7 @@ class Swing:
     """
 
     arm: F8
-    turns: Wander
+    turns: Curve
 
     def __call__(self, time_s: F8) -> tuple[F8, F8]:
         """Displacement from rest, and velocity, at each time."""

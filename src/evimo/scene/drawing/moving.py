@@ -37,14 +37,21 @@ class Pace:
 
 
 def camera_motion(
-    rng: np.random.Generator, pose: tuple[F8, F8], pace: Pace, seconds: float, *, movers: Sequence[Motion] = ()
+    rng: np.random.Generator,
+    pose: tuple[F8, F8],
+    pace: Pace,
+    seconds: float,
+    *,
+    movers: Sequence[Motion] = (),
+    followed: float = FOLLOWED,
 ) -> Motion:
     """Hand-held: it sways and turns, often trembles; it follows a mover, or sometimes pauses or stands still.
 
     Nobody follows what is thrown away or stands still. Who follows sways less, and does not pause.
+    followed: chance that it follows a mover, if there is one that can be followed.
     """
     leaders = [mover for mover in movers if mover.moves and not is_thrown_away(mover)]
-    follows = bool(leaders) and rng.random() < FOLLOWED
+    follows = bool(leaders) and rng.random() < followed
     calm = CALM if follows else 1.0
     zero_s, long = float(rng.uniform(0, seconds)), seconds >= LONG_S
     sway, turning = calm * pace.camera, calm * pace.turning

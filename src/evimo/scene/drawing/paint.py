@@ -20,6 +20,7 @@ class Paint:
 
     plain:    share of surfaces without pattern.
     contrast: range of ln(bright / dark) of a pattern that is not faint; event pixels fire at each 0.2 to 0.4 of it.
+    faint:    share of patterned surfaces that have hardly any contrast.
     period:   range of a pattern's size in m, log-uniform.
     """
 
@@ -27,11 +28,12 @@ class Paint:
     plain: float
     contrast: tuple[float, float]
     period: tuple[float, float]
+    faint: float = FAINT
 
     def surface(self, rng: np.random.Generator, *, plain: float | None = None) -> Surface:
         """One surface; `plain` overrides the family's share."""
         kinds = self.bank.plain if rng.random() < (self.plain if plain is None else plain) else self.bank.dense
-        depth = rng.uniform(*(FAINT_CONTRAST if rng.random() < FAINT else self.contrast))
+        depth = rng.uniform(*(FAINT_CONTRAST if rng.random() < self.faint else self.contrast))
         dark = math.exp(rng.uniform(math.log(DARKEST), math.log(BRIGHTEST) - min(depth, 2.0)))
         period = math.exp(rng.uniform(*np.log(self.period)))
         shift = (float(rng.random()), float(rng.random()))

@@ -21,9 +21,9 @@ class Pool:
     number: int
     parity: int
 
-    def bank(self, seed: int, images: Path | None = None) -> TextureBank:
-        """Textures that no other pool has; `images` as in `texture_bank`."""
-        return texture_bank(seed, pool=self.number, images=images)
+    def bank(self, seed: int, images: Path | None = None, *, maps: int = 0) -> TextureBank:
+        """Textures that no other pool has; `images` and `maps` as in `texture_bank`."""
+        return texture_bank(seed, pool=self.number, images=images, maps=maps)
 
     def holds(self, shapes: Iterable[int]) -> bool:
         """Whether compounds of these primitives belong to it."""

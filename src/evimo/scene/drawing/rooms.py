@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING
+from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, Surface
 from evimo.scene.drawing.furniture import Room, add_chair, hang_on_walls, lay_floor_details, lean_ladder
 from evimo.scene.drawing.paint import Paint
 from evimo.scene.motion import turned
@@ -28,10 +28,10 @@ PLAIN_WALLS, BUSY_BELOW = (
 )  # share of plain walls, where the room is not busy: where so few surfaces are plain
 
 
-def furnished(rng: np.random.Generator, kind: str, paint: Paint) -> Room:
-    """A room of one kind."""
+def furnished(rng: np.random.Generator, kind: str, paint: Paint, *, cloth: Surface | None = None) -> Room:
+    """A room of one kind; `cloth` covers its table, if it has one."""
     half = np.array([rng.uniform(2.5, 5), rng.uniform(2.5, 5), rng.uniform(2.3, 3.2)]) / 2
-    room = Room(rng, paint, half)
+    room = Room(rng, paint, half, cloth=cloth)
     calm = PLAIN_WALLS if paint.plain > BUSY_BELOW or (kind == "wall" and rng.random() < 0.6) else None
     walls = replace(paint, period=WALL_PERIOD).surface(rng, plain=calm)
     room.add(BOX, (0, 0, half[2]), half, inside=True, surface=walls)
@@ -67,7 +67,7 @@ def _table(room: Room, items: tuple[int, int] = (0, 5)) -> None:
     room.support = float(rng.uniform(0.6, 0.9))
     top = np.array([rng.uniform(0.4, 0.9), rng.uniform(0.3, 0.6), 0.02])
     middle = np.array([room.within(0.2, 0), room.half[1] * rng.uniform(0.2, 0.6), room.support - top[2]])
-    room.add(BOX, middle, top)
+    room.add(BOX, middle, top, surface=room.cloth)
     room.stage = np.stack((middle[:2] - 0.9 * top[:2], middle[:2] + 0.9 * top[:2]))
     wood = room.paint.surface(rng, plain=0.8)
     thick = float(rng.uniform(0.012, 0.035))

@@ -1,6 +1,7 @@
 """Patterns drawn by rule and cut from photographs: 0...1, tiling in both directions."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +142,39 @@ def _lines(rng: np.random.Generator) -> F8:
     return pattern
 
 
+def _streets(rng: np.random.Generator) -> F8:
+    """Streets with dashed middles between blocks of houses and greens: a play mat, or a map."""
+    pattern = np.full((SIZE, SIZE), rng.uniform(0.25, 0.45))
+    ways = [np.cumsum(rng.integers(34, 62, 8)) for _ in range(2)]
+    down, across = ([0, *way[way < SIZE - 30].tolist()] for way in ways)
+    wide, kerb, paper = int(rng.integers(9, 15)), rng.uniform(0.6, 0.9), rng.uniform(0.5, 0.8)
+    for top, bottom in pairwise([*down, SIZE]):
+        for left, right in pairwise([*across, SIZE]):
+            pattern[top + wide : bottom, left + wide : right] = kerb
+            block = pattern[top + wide + 1 : bottom - 1, left + wide + 1 : right - 1]
+            block[:] = rng.choice([paper, rng.random()])
+            _fill_block(rng, block)
+    dashes = np.arange(SIZE) % 8 < 4
+    for top in down:
+        pattern[top + wide // 2, dashes] = 0.95
+    for left in across:
+        pattern[dashes, left + wide // 2] = 0.95
+    return pattern
+
+
+def _fill_block(rng: np.random.Generator, block: F8) -> None:
+    """Houses, trees or ponds into one block of streets."""
+    height, width = block.shape
+    y, x = np.mgrid[0:height, 0:width]
+    for _ in range(int(rng.integers(1, 6))):
+        (tall, wide), (at_y, at_x) = rng.integers(4, 16, 2), rng.integers(0, (height, width))
+        if rng.random() < 0.7:
+            block[at_y : at_y + tall, at_x : at_x + wide] = rng.random()
+            block[at_y + 2 : at_y + tall - 2, at_x + 2 : at_x + wide - 2] = rng.random()
+        else:
+            block[(y - at_y) ** 2 + (x - at_x) ** 2 < (tall / 2) ** 2] = rng.random()
+
+
 def _collage(rng: np.random.Generator, photos: tuple[Photos, Photos]) -> F8:
     """Patches of other patterns beside each other, as on shelves and pinboards."""
     cuts = [np.sort(rng.integers(20, SIZE - 20, 2)).tolist() for _ in range(2)]
@@ -177,6 +211,7 @@ _SIMPLE: dict[str, Callable[[np.random.Generator], F8]] = {
     "shapes": _shapes,
     "text": _text,
     "lines": _lines,
+    "streets": _streets,
 }
 _COMPOSED: dict[str, Callable[[np.random.Generator, tuple[Photos, Photos]], F8]] = {
     "natural": _natural,
