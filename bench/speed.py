@@ -142,11 +142,11 @@ def onnx() -> Iterator[Row]:
     if find_spec("torch") is None:
         raise Skipped("torch is not installed: the eager pass needs evimo[train]")
     import torch
+    from evimo.streaming.evidence import EvidenceMaker
 
     import evimo as package
     from evimo.errors import NotFound
     from evimo.model.export import Deployed
-    from evimo.streaming.evidence import EvidenceMaker
     from evimo.streaming.inference import Network
 
     try:

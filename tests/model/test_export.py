@@ -6,11 +6,11 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
+from evimo.streaming.evidence import EvidenceMaker, halved_mask
 
 from evimo.model.checkpoint import save_model
 from evimo.model.export import INPUTS, OUTPUTS
 from evimo.model.presets import ModelConfig
-from evimo.streaming.evidence import EvidenceMaker, halved_mask
 
 EXPORT = """
 import sys

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numba
 import numpy as np
+from evimo.training.simulated import SimulatedSource, simulated_batches
 
 from evimo.geometry.camera import Camera
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, MESH, Body, Part, Scene, Surface
@@ -31,7 +32,6 @@ from evimo.simulate.film import Film
 from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.recording import SimulatedRecording
 from evimo.simulate.sensor import SensorSettings
-from evimo.training.simulated import SimulatedSource, simulated_batches
 
 NOISY = SensorSettings(contrast=0.1, refractory_s=0.0, shot_hz=60.0, shot_light=5.0, jitter_s=1e-4, hot_share=0.05)
 SENSORS = {
