@@ -1,15 +1,37 @@
-"""An untrained tiny model, and stacks of random event frames for it."""
+"""An untrained tiny model, and what it sees of random events."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from evimo.model.motion_net import MotionNet
+from evimo.events.stack import EventStack, plane_fits, voxel_grid
+from evimo.model.first_pass import FirstAnswer
+from evimo.model.motion_net import MotionNet, Prediction
 from evimo.model.presets import PRESETS
+from evimo.model.second_pass import Compensation
 
-Stack = tuple[Tensor, Tensor, Tensor]
+
+class Look(NamedTuple):
+    """What both passes see of one stack; as if nothing were to compensate."""
+
+    voxels: Tensor
+    fits: Tensor
+    sharp_voxels: Tensor
+    valid: Tensor
+    intrinsics: Tensor
+    rotation: Tensor
+
+    def first(self, model: MotionNet) -> FirstAnswer:
+        return model.first(self.voxels, self.fits, self.valid, self.intrinsics, self.rotation)
+
+    def second(self, model: MotionNet) -> list[Prediction]:
+        first = self.first(model)
+        taken = Compensation(first.ego, first.rel_depth, first.rigid, first.flow)
+        return model.second(self.sharp_voxels, self.fits, self.valid, taken, self.intrinsics, self.rotation)
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -30,14 +52,24 @@ def tiny() -> MotionNet:
 
 
 @pytest.fixture
-def stack(rng) -> Callable[[tuple[int, int]], Stack]:
-    """Random frames (1, 5, 3, H, W), all pixels valid, and intrinsics, for an image size."""
+def look() -> Callable[..., Look]:
+    """What is seen of random events in an image of a size; all pixels are valid, no rotation is known."""
+    random = np.random.default_rng(0)
 
-    def made(size: tuple[int, int]) -> Stack:
-        counts = torch.poisson(torch.full((1, 5, 2, *size), 0.3), generator=rng)
-        times = torch.rand(1, 5, 1, *size, generator=rng) * (counts.sum(2, keepdim=True) > 0)
+    def made(size: tuple[int, int], *, gone: tuple[int, ...] = ()) -> Look:
         height, width = size
-        intrinsics = torch.tensor([[0.8 * width, 0.7 * width, 0.45 * width, 0.55 * height]])
-        return torch.cat((counts, times), dim=2), torch.ones(1, 1, *size), intrinsics
+        count = height * width
+        x, y = (random.uniform(-0.5, side - 0.5, count).astype(np.float32) for side in (width, height))
+        t = random.uniform(-2.5, 2.5, count).astype(np.float32)
+        kept = ~np.isin(np.floor(t + 2.5), gone)
+        stack = EventStack(x[kept], y[kept], t[kept], random.random(kept.sum()) < 0.5)
+        half = height // 2, width // 2
+        images = voxel_grid(stack, half, step=2), plane_fits(stack, half), voxel_grid(stack, size)
+        return Look(
+            *(torch.from_numpy(image)[None] for image in images),
+            valid=torch.ones(1, 1, *half),
+            intrinsics=torch.tensor([[0.8 * width, 0.7 * width, 0.45 * width, 0.55 * height]]),
+            rotation=torch.zeros(1, 4),
+        )
 
     return made

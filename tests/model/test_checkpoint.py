@@ -60,7 +60,7 @@ def test_an_unknown_name_lists_what_there_is(name):
         load_model(name)
 
 
-@pytest.mark.parametrize("config", [{"depth": 3}, {"hidden": 16}, {"layers": 1}, 3])
+@pytest.mark.parametrize("config", [{"depth": 3}, {"hidden": 16}, {"layers": 1}, {"first_growth": 9}, 3])
 def test_another_kind_of_model_is_refused(config, tiny, tmp_path):
     facts = {**asdict(tiny.config), **config} if isinstance(config, dict) else config
     save_tensors(dict(tiny.state_dict()), tmp_path / "model.safetensors", config=facts)
@@ -78,12 +78,12 @@ def test_missing_and_additional_tensors_are_refused(tiny, tmp_path):
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_packaged_weights_load_by_name(name, stack):
+def test_packaged_weights_load_by_name(name, look):
     if packaged(name, ".safetensors") is None:
         pytest.skip(f"the package holds no weights of {name}")
     model = load_model(name)
     assert model.config == PRESETS[name]
-    assert all(torch.isfinite(value).all() for value in model(*stack((36, 54)))[-1])
+    assert all(torch.isfinite(value).all() for value in look((64, 96)).second(model)[-1])
 
 
 def test_only_files_beside_the_code_are_packaged():

@@ -2,32 +2,43 @@ import pytest
 import torch
 
 from evimo.model.depth_net import DepthNet
-from evimo.model.presets import PRESETS, ModelConfig
+from evimo.model.presets import PRESETS
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_scales_run_from_coarse_to_fine(name, rng):
-    config = PRESETS[name]
-    side = config.scale**config.layers
-    scales = DepthNet(config, 4)(torch.randn(1, 4, side, 2 * side, generator=rng))
-    sizes = [config.scale ** (k + 1) for k in range(config.layers)]
-    assert [tuple(scale.shape) for scale in scales] == [(1, 1, size, 2 * size) for size in sizes]
+@pytest.fixture
+def inputs(rng):
+    """Voxels, fits, valid and grid of an image of 32x48."""
+    images = torch.rand(1, 30, 32, 48, generator=rng), torch.rand(1, 24, 16, 24, generator=rng)
+    return *images, torch.ones(1, 1, 16, 24), torch.rand(1, 2, 16, 24, generator=rng)
 
 
-def test_depth_stays_within_a_factor_of_20(rng):
-    net = DepthNet(ModelConfig(hidden=8, growth=8, layers=2, scale=2), 2)
+@pytest.fixture
+def net(rng):
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        return DepthNet(PRESETS["tiny"]).eval()
+
+
+def test_other_slices_are_not_looked_at(net, inputs):
+    voxels, fits, *rest = (each.clone() for each in inputs)
+    before = net(voxels, fits, *rest)
+    voxels[:, :12] = voxels[:, 18:] = 9
+    fits[:, 12:] = -9  # of the whole stack
+    torch.testing.assert_close(net(voxels, fits, *rest), before, atol=0, rtol=0)
+
+
+@pytest.mark.parametrize(("which", "channel"), [(0, 12), (0, 17), (1, 0), (1, 11), (2, 0), (3, 0), (3, 1)])
+def test_all_that_is_known_of_the_middle_slice_is_looked_at(net, inputs, which, channel):
+    before = net(*inputs)[-1]
+    changed = [each.clone() for each in inputs]
+    changed[which][:, channel] += torch.linspace(-3, 3, changed[which].shape[-1])
+    assert (net(*changed)[-1] - before).abs().max() > 1e-4
+
+
+def test_depth_stays_within_a_factor_of_20(net, inputs):
     with torch.no_grad():
-        for head in net.heads:
-            head[-1].weight *= 1000
-        scales = net(torch.randn(1, 2, 8, 8, generator=rng))
+        for head in net.network.heads:
+            head.weight *= 1e4
+        scales = net(*inputs)
     assert all(scale.abs().max() <= 3 for scale in scales)
     assert scales[-1].abs().max() > 2.9
-
-
-def test_each_scale_refines_the_coarser_one(rng):
-    net = DepthNet(ModelConfig(hidden=8, growth=8, layers=2, scale=2), 2)
-    with torch.no_grad():
-        net.heads[1][-1].weight.zero_()  # nothing to add at the finer scale
-        coarse, fine = net(torch.randn(1, 2, 8, 8, generator=rng))
-    torch.testing.assert_close(fine[..., 1::2, 1::2].mean(), coarse.mean(), atol=0.1, rtol=0)
-    assert fine.abs().max() <= coarse.abs().max() + 1e-6

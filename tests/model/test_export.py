@@ -1,16 +1,27 @@
 import json
+import os
 import subprocess
 import sys
 
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
 import torch
-from evimo.streaming.evidence import EvidenceMaker, halved_mask
 
+from evimo.events.events import Events
+from evimo.events.slices import SLICE_US, Slice
+from evimo.events.stack import StaticMotion
+from evimo.geometry.camera import Camera
+from evimo.geometry.rectification import rectified
 from evimo.model.checkpoint import save_model
-from evimo.model.export import INPUTS, OUTPUTS
+from evimo.model.export import FIRST_INPUTS, FIRST_OUTPUTS, SECOND_INPUTS, SECOND_OUTPUTS
 from evimo.model.presets import ModelConfig
+from evimo.model.second_pass import Compensation
+from evimo.recordings.prepared import SUBPIXEL, Prepared
+from evimo.streaming import inference
+from evimo.streaming.looks import Looks, Placed, stacked
+from evimo.training.data import DEPTH_STEP, whole_batch
 
 EXPORT = """
 import sys
@@ -23,12 +34,16 @@ WITHOUT_TORCH = """
 import sys
 for name in ("torch", "onnx", "safetensors", "jaxtyping"):
     sys.modules[name] = None
-import numpy as np, onnxruntime
-session = onnxruntime.InferenceSession(sys.argv[1], providers=["CPUExecutionProvider"])
-inputs = {"image": np.zeros((1, 15, 27, 36), "f4"), "evidence": np.zeros((1, 22, 9, 12), "f4"),
-          "valid": np.ones((1, 1, 27, 36), "f4"), "intrinsics": np.array([[50, 50, 36, 27]], "f4")}
-print([list(output.shape) for output in session.run(None, inputs)])
+import numpy as np
+from evimo.streaming.inference import Network, Seen
+network = Network(sys.argv[1])
+lens = np.array((50, 50, 48, 32), "f4"), np.zeros(4, "f4")
+fits, valid = np.zeros((24, 32, 48), "f4"), np.ones((32, 48), "f4")
+motion = network.first(Seen(np.zeros((30, 32, 48), "f4"), fits, valid, *lens))
+answer = network.second(Seen(np.zeros((30, 64, 96), "f4"), fits, valid, *lens), motion)
+print([list(output.shape) for output in (*motion, *answer)])
 """
+HALF_PRECISION = 2e-3  # weights keep eleven bits; what they say differs by about as much, against its largest value
 
 
 @pytest.fixture(scope="session")
@@ -37,60 +52,161 @@ def exported(tiny, tmp_path_factory):
     folder = tmp_path_factory.mktemp("exported")
     save_model(tiny, folder / "tiny.safetensors")
     command = [sys.executable, "-c", EXPORT, str(folder / "tiny.safetensors"), str(folder / "tiny.onnx")]
-    subprocess.run(command, check=True, env={"OMP_NUM_THREADS": "1"})
+    subprocess.run(command, check=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
     return folder / "tiny.onnx"
 
 
+@pytest.fixture(scope="session", params=["tiny.onnx", "tiny.first.onnx"])
+def each(exported, request):
+    """Path of either file, then the names of its inputs and outputs."""
+    first = "first" in request.param
+    names = (FIRST_INPUTS, FIRST_OUTPUTS) if first else (SECOND_INPUTS, SECOND_OUTPUTS)
+    return exported.with_name(request.param), *names
+
+
 @pytest.fixture(scope="session")
-def session(exported):
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1
-    return onnxruntime.InferenceSession(exported, options, providers=["CPUExecutionProvider"])
+def network(exported):
+    return inference.Network(exported, workers=1)
 
 
-@pytest.mark.parametrize("gone", [[], [0, 4], [0, 1, 3, 4]])
-@pytest.mark.parametrize("size", [(54, 72), (47, 61), (90, 100)])
-def test_compiled_evidence_with_onnx_and_torch_are_equal(size, gone, tiny, session, stack):
-    frames, valid, intrinsics = stack(size)
-    frames[:, gone] = 0
-    valid[..., :5, :] = 0
-    maker = EvidenceMaker(size, stride=18, reduction=3)
-    images = [maker.images(frame) for frame in frames[0].numpy()]
-    half_valid = halved_mask(valid[0, 0].numpy() > 0, stride=18)
-    inputs = (maker.image(images), maker.evidence(images), half_valid[None], intrinsics[0].numpy())
-    feeds = {name: values[None] for name, values in zip(INPUTS, inputs, strict=True)}
-    found = dict(zip(OUTPUTS, session.run(list(OUTPUTS), feeds), strict=True))
+def assert_close(found, expected, name):
+    expected = expected.numpy()[0] if torch.is_tensor(expected) else expected
+    scale = 1 + np.abs(expected).max()
+    np.testing.assert_allclose(np.squeeze(found), np.squeeze(expected), atol=HALF_PRECISION * scale, err_msg=name)
+
+
+@pytest.mark.parametrize("rotation", [(0, 0, 0, 0), (0.02, -0.01, 0.03, 1)])
+@pytest.mark.parametrize("size", [(32, 64), (96, 64)])
+def test_both_passes_are_equal_in_onnx_and_torch(size, rotation, tiny, network, look):
+    seen = look(size)._replace(rotation=torch.tensor([rotation], dtype=torch.float32))
+    seen.valid[..., :5, :] = 0
+    feeds = [image[0].numpy() for image in (seen.voxels, seen.fits, seen.valid[0], seen.intrinsics, seen.rotation)]
+    found = network.first(inference.Seen(*feeds))
     with torch.no_grad():
-        finest = tiny(frames, valid, intrinsics)[-1]
-    expected = {
+        first, finest = seen.first(tiny), seen.second(tiny)[-1]
+    for name in FIRST_OUTPUTS:
+        assert_close(getattr(found, name), getattr(first, name), name)
+    feeds[0] = seen.sharp_voxels[0].numpy()
+    answer = network.second(inference.Seen(*feeds), found)
+    expected = finest._asdict() | {
         "moving": finest.mixture[:, 1:].sum(1, keepdim=True),
-        "rel_depth": finest.rel_depth,
         "velocity": finest.object_velocity,
         "flow": finest.flow,
     }
-    for name, values in {**expected, "ego": finest.ego}.items():
-        scale = 1 + values.abs().max().item()
-        np.testing.assert_allclose(found[name], values.numpy(), atol=2e-3 * scale, rtol=0, err_msg=name)
+    for name in SECOND_OUTPUTS:
+        assert_close(getattr(answer, name), expected[name], name)
 
 
-def test_names_and_free_sizes(session):
-    assert tuple(one.name for one in session.get_inputs()) == INPUTS
-    assert tuple(one.name for one in session.get_outputs()) == OUTPUTS
-    shapes = [one.shape for one in session.get_inputs()]
-    assert shapes[:2] == [[1, 15, "height", "width"], [1, 22, "cells_high", "cells_wide"]]
+def events_of(size, slices, *, per_slice=400):
+    """Random events of some slices, sorted by time, from time 0."""
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.integers(0, slices * SLICE_US, slices * per_slice))
+    x, y = (rng.integers(0, side, len(t)).astype(np.uint16) for side in size[::-1])
+    return Events(x, y, t, rng.choice(np.array((-1, 1), np.int8), len(t)))
 
 
-def test_the_configuration_comes_along(session, tiny):
+def prepared_of(events, size, slices, intrinsics):
+    """The same events as a prepared recording seen through a pinhole; its truth is nothing."""
+    nothing = np.zeros((slices, *size))
+    return Prepared(
+        intrinsics=intrinsics,
+        frames=nothing[:, None].astype(np.float16),
+        valid=np.ones(size, bool),
+        depth=nothing.astype(np.float16),
+        ids=nothing.astype(np.uint8),
+        moving=nothing > 0,
+        clutter=nothing > 0,
+        flow=np.stack((nothing, nothing), axis=1).astype(np.float16),
+        velocity=np.zeros((slices, 256, 3), np.float32),
+        ego=np.zeros((slices, 6), np.float32),
+        event_xy=(np.stack((events.x, events.y), axis=1) * SUBPIXEL).astype(np.uint16),
+        event_t=(events.t % SLICE_US).astype(np.uint16),
+        event_on=events.p > 0,
+        event_first=np.searchsorted(events.t, np.arange(slices + 1) * SLICE_US),
+    )
+
+
+@pytest.mark.parametrize("middle", [4, 1])
+@pytest.mark.parametrize("size", [(64, 96), (46, 62)])
+def test_what_a_run_says_is_what_training_sees(size, middle, tiny, network):
+    """From events to answers: the compiled path with ONNX, and batches of training with torch."""
+    slices = 9
+    camera = Camera(60.0, 62.0, 0.45 * size[1], 0.55 * size[0], *size)
+    events = events_of(size, slices)
+    rectification = rectified(camera)
+    placed, looks = Placed(rectification), Looks(rectification, stride=network.stride)
+    parts = [
+        placed.slice(Slice(k, k * SLICE_US, (k + 1) * SLICE_US, events.between(k * SLICE_US, (k + 1) * SLICE_US)))
+        for k in range(slices)
+    ]
+    around = [[parts[m] if 0 <= m < slices else None for m in range(k - 2, k + 3)] for k in range(slices)]
+    wanted = [min(max(k, 0), slices - 1) for k in range(middle - 2, middle + 3)]
+    motions = {k: network.first(looks.first(stacked(around[k]))) for k in set(wanted)}
+    stack = stacked(around[middle])
+    answer = network.second(looks.second(stack, [motions[k] for k in wanted]), motions[middle])
+
+    image = rectification.image
+    lens = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
+    recording = prepared_of(events, size, slices, lens)
+    still = StaticMotion(np.zeros((5, 6), np.float32), np.ones((1, 1), np.float32), 1024, lens)
+    with torch.no_grad():
+        firsts = {}
+        for k in set(wanted):
+            batch = whole_batch(recording, [k], [still], tiny.config.stride)
+            firsts[k] = tiny.first(batch.voxels, batch.fits, batch.valid, batch.intrinsics, batch.rotation)
+        own = firsts[middle]
+        twist = torch.cat([firsts[k].ego for k in wanted]).numpy()
+        motion = StaticMotion(twist, (1 / own.rel_depth)[0, 0].numpy(), DEPTH_STEP, lens)
+        batch = whole_batch(recording, [middle], [motion], tiny.config.stride)
+        taken = Compensation(batch.taken_ego, batch.taken_depth, own.rigid, own.flow)
+        finest = tiny.second(
+            batch.sharp_voxels, batch.sharp_fits, batch.valid, taken, batch.intrinsics, batch.rotation
+        )[-1]
+    for name in FIRST_OUTPUTS:
+        assert_close(getattr(motions[middle], name), getattr(own, name), name)
+    torch.testing.assert_close(batch.taken_depth, own.rel_depth)
+    expected = finest._asdict() | {"moving": 1 - finest.mixture[:, :1], "velocity": finest.object_velocity}
+    for name in ("moving", "rel_depth", "ego", "velocity"):
+        assert_close(getattr(answer, name), expected[name], name)
+    assert_close(answer.flow, finest.flow, "flow")
+
+
+def test_names_and_free_sizes(each):
+    path, inputs, outputs = each
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    assert tuple(one.name for one in session.get_inputs()) == inputs
+    assert tuple(one.name for one in session.get_outputs()) == outputs
+    shapes = {one.name: one.shape for one in session.get_inputs()}
+    assert shapes["voxels"] == [1, 30, "voxels height", "voxels width"]
+    assert shapes["fits"] == [1, 24, "fits height", "fits width"]
+    assert (shapes["intrinsics"], shapes["rotation"]) == ([1, 4], [1, 4])
+
+
+def test_the_configuration_comes_along(each, tiny):
+    session = onnxruntime.InferenceSession(each[0], providers=["CPUExecutionProvider"])
     facts = {key: json.loads(value) for key, value in session.get_modelmeta().custom_metadata_map.items()}
     assert ModelConfig(**facts["config"]) == tiny.config
-    assert (facts["stride"], facts["evidence_reduction"]) == (18, 3)
+    assert facts["stride"] == tiny.config.stride == 32
+
+
+def test_large_weights_are_stored_in_half_precision(each):
+    stored = onnx.load(each[0]).graph.initializer
+    elements = {kind: [int(np.prod(t.dims)) for t in stored if t.data_type == kind] for kind in (1, 10)}
+    assert max(elements[1]) < 1024 <= min(elements[10])
 
 
 def test_running_needs_onnxruntime_only(exported):
     command = [sys.executable, "-c", WITHOUT_TORCH, str(exported)]
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    assert json.loads(said) == [[1, 1, 27, 36], [1, 1, 27, 36], [1, 6], [1, 3, 27, 36], [1, 2, 27, 36]]
+    first = [[16, 24], [6], [2, 16, 24], [2, 16, 24]]
+    assert json.loads(said) == [*first, [32, 48], [32, 48], [6], [3, 32, 48], [2, 32, 48]]
 
 
 def test_nothing_unfinished_is_left(exported):
-    assert {path.name for path in exported.parent.iterdir()} == {"tiny.onnx", "tiny.safetensors"}
+    names = {path.name for path in exported.parent.iterdir()}
+    assert names == {"tiny.onnx", "tiny.first.onnx", "tiny.safetensors"}
+
+
+def test_running_and_export_name_things_alike():
+    for name in ("FIRST_INPUTS", "FIRST_OUTPUTS", "SECOND_INPUTS", "SECOND_OUTPUTS"):
+        assert getattr(inference, name) == globals()[name]

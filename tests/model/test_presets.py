@@ -10,10 +10,13 @@ def test_presets_have_the_published_number_of_parameters(name, published):
     assert ours == pytest.approx(published, rel=0.15)
 
 
-@pytest.mark.parametrize(("name", "stride", "steps"), [("base", 32, [16, 8, 4, 2]), ("tiny", 18, [6, 2])])
-def test_every_scale_is_an_exact_fraction_of_the_padded_image(name, stride, steps):
+def test_small_lies_between():
+    counts = {name: sum(p.numel() for p in MotionNet(config).parameters()) for name, config in PRESETS.items()}
+    assert counts["tiny"] < counts["small"] < counts["base"]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_scale_of_both_passes_is_an_exact_fraction_of_the_padded_image(name):
     config = PRESETS[name]
-    assert config.stride == stride
-    assert config.steps == steps
-    assert all(stride % step == 0 for step in steps)
-    assert 2 * config.evidence_reduction in steps  # the evidence lies on the grid of one of the scales
+    assert config.stride % (2 * 2**config.layers) == 0
+    assert config.stride % (4 * 2**config.first_layers) == 0

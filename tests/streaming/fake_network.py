@@ -1,29 +1,59 @@
-"""A network whose answers can be worked out by hand, as ONNX with the inputs and outputs of ours."""
+"""Two passes whose answers can be worked out by hand, as ONNX with the inputs and outputs of ours."""
 
 from pathlib import Path
 
 import onnx
 from onnx import parser
 
-MODEL = """
-<ir_version: 10, opset_import: ["": 18]>
-fake (float[1, 15, {h}, {w}] image, float[1, 22, a, b] evidence, float[1, 1, {h}, {w}] valid, float[1, 4] intrinsics)
-  => (float[1, 1, {h}, {w}] moving, float[1, 1, {h}, {w}] rel_depth, float[1, 6] ego,
-      float[1, 3, {h}, {w}] velocity, float[1, 2, {h}, {w}] flow)
-{{
-  at_positive = Constant <value_ints = [4]> ()
-  at_negative = Constant <value_ints = [5]> ()
-  positive = Gather <axis = 1> (image, at_positive)
-  negative = Gather <axis = 1> (image, at_negative)
+HEADER = '<ir_version: 10, opset_import: ["": 18]>'
+FIRST = """
+first (float[1, 30, h, w] voxels, float[1, 24, h, w] fits, float[1, 1, h, w] valid, float[1, 4] intrinsics,
+       float[1, 4] rotation)
+  => (float[1, 1, a, b] rel_depth, float[1, 6] ego, float[1, 2, a, b] flow, float[1, 2, a, b] rigid)
+{
+  quarter = AveragePool <kernel_shape = [2, 2], strides = [2, 2]> (valid)
+  nothing = Sub (quarter, quarter)
+  two = Constant <value_float = 2.0> ()
+  rel_depth = Add (nothing, two)
+  one = Constant <value_float = 1.0> ()
+  ones = Add (nothing, one)
+  flow = Concat <axis = 1> (ones, nothing)
+  rigid = Concat <axis = 1> (nothing, nothing)
+  all = Constant <value_ints = [1, 2, 3]> ()
+  mean = ReduceMean <keepdims = 0> (voxels, all)
+  little = Constant <value_float = 0.02> ()
+  speed = Mul (mean, little)
+  column = Constant <value_ints = [1]> ()
+  row = Unsqueeze (speed, column)
+  rest = Constant <value_floats = [0.0, 0.0, 0.0, 0.0, 0.0]> ()
+  nought = Constant <value_ints = [0]> ()
+  still = Unsqueeze (rest, nought)
+  ego = Concat <axis = 1> (row, still)
+}
+"""
+SECOND = """
+second (float[1, 30, H, W] voxels, float[1, 24, h, w] fits, float[1, 1, h, w] valid, float[1, 4] intrinsics,
+        float[1, 4] rotation, float[1, 6] taken_ego, float[1, 1, a, b] taken_depth, float[1, 2, a, b] taken_rigid,
+        float[1, 2, a, b] taken_seen)
+  => (float[1, 1, h, w] moving, float[1, 1, h, w] rel_depth, float[1, 6] ego, float[1, 3, h, w] velocity,
+      float[1, 2, h, w] flow)
+{
+  half = AveragePool <kernel_shape = [2, 2], strides = [2, 2]> (voxels)
+  of_positive = Constant <value_ints = [12, 14, 16]> ()
+  of_negative = Constant <value_ints = [13, 15, 17]> ()
+  all_positive = Gather <axis = 1> (half, of_positive)
+  all_negative = Gather <axis = 1> (half, of_negative)
+  channels = Constant <value_ints = [1]> ()
+  positive = ReduceSum <keepdims = 1> (all_positive, channels)
+  negative = ReduceSum <keepdims = 1> (all_negative, channels)
   count = Add (positive, negative)
-  least = Constant <value_float = 0.2> ()
+  least = Constant <value_float = 0.3> ()
   busy = Greater (count, least)
   probability = Cast <to = 1> (busy)
   moving = Mul (probability, valid)
-  channels = Constant <value_ints = [1]> ()
-  activity = ReduceMean <keepdims = 1> (image, channels)
-  seen = ReduceMean <keepdims = 1> (evidence)
-  nearly = Add (activity, seen)
+  activity = ReduceMean <keepdims = 1> (half, channels)
+  slopes = ReduceMean <keepdims = 1> (fits, channels)
+  nearly = Add (activity, slopes)
   one = Constant <value_float = 1.0> ()
   rel_depth = Add (nearly, one)
   more = Sub (positive, negative)
@@ -31,22 +61,32 @@ fake (float[1, 15, {h}, {w}] image, float[1, 22, a, b] evidence, float[1, 1, {h}
   nothing = Sub (sign, sign)
   velocity = Concat <axis = 1> (sign, nothing, nothing)
   flow = Concat <axis = 1> (sign, nothing)
-  ending = Constant <value_floats = [5.0, 6.0]> ()
-  nought = Constant <value_ints = [0]> ()
-  row = Unsqueeze (ending, nought)
-  ego = Concat <axis = 1> (intrinsics, row)
-}}
+  x = Constant <value_ints = [0]> ()
+  speed = Gather <axis = 1> (taken_ego, x)
+  inner = Constant <value_ints = [2, 3]> ()
+  all_seen = Sub (taken_seen, taken_rigid)
+  by_axis = ReduceMean <keepdims = 0> (all_seen, inner)
+  seen = Gather <axis = 1> (by_axis, x)
+  ego = Concat <axis = 1> (intrinsics, speed, seen)
+}
 """
 
 
-def save_fake_network(path: Path, **facts: str) -> Path:
-    """Save it for any image size, with other metadata if `facts` are given.
+def save_fake_network(path: Path, first: dict[str, str] | None = None, **facts: str) -> Path:
+    """Save both passes for any image size, the first beside the second; with other metadata if `facts` are given.
 
-    moving: 1 where the reference slice has an event; rel_depth: 1 + mean of all 15 channels + mean evidence; ego: fx fy
-    cx cy 5 6; velocity and flow: (sign of positive - negative count, 0, …).
+    The first pass says: depth 2 everywhere, a camera that moves 0.02 times the mean of all voxels along x, a flow of
+    1 px along x, none of it of the static world. The second: moving where the middle slice has events; rel_depth
+    1 + mean voxel + mean fit; ego fx fy cx cy, the speed and the flow of the first pass; velocity and flow (sign of
+    positive - negative count, 0, …).
     """
-    model = parser.parse_model(MODEL.format(h="h", w="w"))
-    onnx.helper.set_model_props(model, {"config": '{"hidden": 8}', "stride": "4", "evidence_reduction": "2"} | facts)
-    onnx.checker.check_model(model)
-    onnx.save(model, str(path))
+    common = {"config": '{"hidden": 8}', "stride": "8"} | facts
+    for text, at, said in (
+        (SECOND, path, common),
+        (FIRST, path.with_name(f"{path.stem}.first.onnx"), common | (first or {})),
+    ):
+        model = parser.parse_model(HEADER + text)
+        onnx.helper.set_model_props(model, said)
+        onnx.checker.check_model(model)
+        onnx.save(model, str(at))
     return path

@@ -1,4 +1,5 @@
 import hashlib
+import shutil
 
 import numpy as np
 import onnx
@@ -6,49 +7,96 @@ import pytest
 
 from evimo.errors import BadFile, NotFound
 from evimo.streaming import inference
-from evimo.streaming.inference import Network, presets
+from evimo.streaming.inference import CameraMotion, Network, Seen, presets
 
 
-def test_answers_are_those_of_the_fake_network(fake_network):
-    image = np.zeros((15, 6, 8), np.float32)
-    image[4, 1, 3] = 2  # positive events of the middle slice
-    image[5, 4, 5] = 1
-    image[0] = 15  # 1 on average over the 15 channels
-    valid = np.ones((6, 8), np.float32)
-    valid[4, 5] = 0
-    evidence = np.full((22, 3, 4), 0.5, np.float32)
-    answer = Network(fake_network).estimate(image, evidence, valid=valid, intrinsics=np.array((1, 2, 3, 4), np.float32))
+def beside(path):
+    return path.with_name(f"{path.stem}.first.onnx")
+
+
+def seen(*, step=1, voxels=None):
+    size = (12 // step, 16 // step)
+    lens = np.array((1, 2, 3, 4), np.float32), np.zeros(4, np.float32)
+    images = np.zeros((30, *size), np.float32) if voxels is None else voxels
+    return Seen(images, np.full((24, 6, 8), 0.5, np.float32), np.ones((6, 8), np.float32), *lens)
+
+
+def test_the_first_answer_is_that_of_the_fake_network(fake_network):
+    voxels = np.full((30, 6, 8), 2, np.float32)
+    motion = Network(fake_network).first(seen(step=2, voxels=voxels))
+    assert (motion.rel_depth == 2).all() and motion.rel_depth.shape == (3, 4)
+    np.testing.assert_allclose(motion.ego, (0.04, 0, 0, 0, 0, 0), rtol=1e-6)
+    assert (motion.flow[0] == 1).all() and not motion.flow[1].any() and not motion.rigid.any()
+
+
+def test_the_second_answer_is_that_of_the_fake_network(fake_network):
+    voxels = np.zeros((30, 12, 16), np.float32)
+    voxels[14, 2:4, 6:8] = 2  # positive events of the middle slice
+    voxels[17, 8:10, 10:12] = 1
+    voxels[0] = 30  # 1 on average over the 30 channels
+    look = seen(voxels=voxels)
+    look.valid[4, 5] = 0
+    taken = CameraMotion(
+        rel_depth=np.ones((3, 4), np.float32),
+        ego=np.array((7, 0, 0, 0, 0, 0), np.float32),
+        flow=np.full((2, 3, 4), 3, np.float32),
+        rigid=np.full((2, 3, 4), 1, np.float32),
+    )
+    answer = Network(fake_network).second(look, taken)
     assert np.argwhere(answer.moving).tolist() == [[1, 3]]
     assert answer.rel_depth[0, 0] == 2.5
-    assert answer.rel_depth[1, 3] == pytest.approx(2.5 + 2 / 15)
+    assert answer.rel_depth[1, 3] == pytest.approx(2.5 + 2 / 30)
     assert answer.velocity.shape == (3, 6, 8)
     assert answer.velocity[0, 1, 3] == 1
     assert answer.velocity[0, 4, 5] == -1
     assert answer.flow.shape == (2, 6, 8)
-    assert answer.ego.tolist() == [1, 2, 3, 4, 5, 6]
+    assert answer.ego.tolist() == [1, 2, 3, 4, 7, 2]
     cropped = answer.cropped(2, 5)
     assert [each.shape for each in cropped] == [(2, 5), (2, 5), (6,), (3, 2, 5), (2, 2, 5)]
     assert np.argwhere(cropped.moving).tolist() == [[1, 3]]
 
 
-def test_it_knows_its_file(fake_network):
+def test_it_knows_its_files(fake_network):
     network = Network(fake_network)
-    assert network.sha256 == hashlib.sha256(fake_network.read_bytes()).hexdigest()
-    assert (network.config, network.stride, network.reduction) == ({"hidden": 8}, 4, 2)
+    both = fake_network.read_bytes() + beside(fake_network).read_bytes()
+    assert network.sha256 == hashlib.sha256(both).hexdigest()
+    assert (network.config, network.stride) == ({"hidden": 8}, 8)
 
 
-@pytest.mark.parametrize(
-    "facts", [{"config": "[]"}, {"config": "{"}, {"stride": "0"}, {"stride": "6"}, {"evidence_reduction": '"2"'}]
-)
+@pytest.mark.parametrize("facts", [{"config": "[]"}, {"config": "{"}, {"stride": "0"}, {"stride": "6"}])
 def test_a_file_that_does_not_say_how_its_images_are_made_is_refused(tmp_path, make_fake_network, facts):
     with pytest.raises(BadFile, match="does not say how its images are made"):
         Network(make_fake_network(tmp_path / "fake.onnx", **facts))
 
 
+def test_a_first_pass_that_is_missing_is_not_found(tmp_path, fake_network):
+    shutil.copy(fake_network, tmp_path / "alone.onnx")
+    with pytest.raises(NotFound, match="no first pass beside it") as raised:
+        Network(tmp_path / "alone.onnx")
+    assert "alone.first.onnx" in raised.value.fix
+
+
+@pytest.mark.parametrize("other", [{"config": '{"hidden": 9}'}, {"stride": "16"}])
+def test_a_first_pass_of_another_model_is_refused(tmp_path, make_fake_network, other):
+    with pytest.raises(BadFile, match=r"fake\.first\.onnx is the first pass of another model"):
+        Network(make_fake_network(tmp_path / "fake.onnx", first=other))
+
+
+def test_exchanged_passes_are_refused(tmp_path, fake_network):
+    shutil.copy(fake_network, tmp_path / "fake.first.onnx")
+    shutil.copy(beside(fake_network), tmp_path / "fake.onnx")
+    with pytest.raises(BadFile, match=r"fake\.onnx is not an evimo model: it lacks taken_ego"):
+        Network(tmp_path / "fake.onnx")
+    shutil.copy(fake_network, tmp_path / "fake.onnx")
+    with pytest.raises(BadFile, match=r"fake\.first\.onnx is not an evimo model: it lacks rigid"):
+        Network(tmp_path / "fake.onnx")
+
+
 def test_presets_are_the_packaged_files(monkeypatch, tmp_path, fake_network):
     weights = tmp_path / "model" / "weights"
     weights.mkdir(parents=True)
-    (weights / "small.onnx").write_bytes(fake_network.read_bytes())
+    shutil.copy(fake_network, weights / "small.onnx")
+    shutil.copy(beside(fake_network), weights / "small.first.onnx")
     monkeypatch.setattr(inference, "files", lambda _: tmp_path)
     assert list(presets()) == ["small"]
     assert Network("small").config == {"hidden": 8}
@@ -60,29 +108,32 @@ def test_an_unknown_name_is_not_found():
     assert "preset" in raised.value.fix
 
 
+@pytest.mark.parametrize("which", ["other.onnx", "other.first.onnx"])
 @pytest.mark.parametrize("content", [b"", b"hello", b"PK\x03\x04"])
-def test_other_files_are_refused(tmp_path, content):
-    path = tmp_path / "other.onnx"
-    path.write_bytes(content)
-    with pytest.raises(BadFile, match="not an ONNX model") as raised:
-        Network(path)
+def test_other_files_are_refused(tmp_path, fake_network, which, content):
+    shutil.copy(fake_network, tmp_path / "other.onnx")
+    shutil.copy(beside(fake_network), tmp_path / "other.first.onnx")
+    (tmp_path / which).write_bytes(content)
+    with pytest.raises(BadFile, match=f"{which} is not an ONNX model") as raised:
+        Network(tmp_path / "other.onnx")
     assert len(str(raised.value).splitlines()) == 2
 
 
 def test_a_cut_file_is_refused(tmp_path, fake_network):
-    path = tmp_path / "cut.onnx"
-    path.write_bytes(fake_network.read_bytes()[:-100])
+    (tmp_path / "cut.onnx").write_bytes(fake_network.read_bytes()[:-100])
+    shutil.copy(beside(fake_network), tmp_path / "cut.first.onnx")
     with pytest.raises(BadFile):
-        Network(path)
+        Network(tmp_path / "cut.onnx")
 
 
-def test_another_network_is_refused(tmp_path):
+def test_another_network_is_refused(tmp_path, fake_network):
     model = onnx.parser.parse_model(
         '<ir_version: 10, opset_import: ["": 18]> g (float[1] x) => (float[1] y) {y = Neg(x)}'
     )
     path = tmp_path / "neg.onnx"
     onnx.save(model, str(path))
-    with pytest.raises(BadFile, match="lacks image, evidence, valid"):
+    shutil.copy(beside(fake_network), beside(path))
+    with pytest.raises(BadFile, match="lacks voxels, fits, valid"):
         Network(path)
 
 

@@ -46,7 +46,13 @@ def test_two_discs_are_two_objects_all_along(whole):
 
 
 def test_intrinsics_reach_the_network(whole, camera):
-    np.testing.assert_allclose(whole[0].ego, (camera.fx, camera.fy, camera.cx, camera.cy, 5, 6), rtol=1e-6)
+    np.testing.assert_allclose(whole[0].ego[:4], (camera.fx, camera.fy, camera.cx, camera.cy), rtol=1e-6)
+
+
+def test_what_the_first_pass_says_reaches_the_second(whole):
+    assert all(estimate.ego[4] > 0.001 for estimate in whole)  # it says a speed that grows with the events it sees
+    assert len({estimate.ego[4] for estimate in whole}) == len(whole)
+    assert [estimate.ego[5] for estimate in whole] == [1] * len(whole)
 
 
 @pytest.mark.parametrize("every", [1, 7, 500, 4000])
@@ -60,7 +66,9 @@ def test_results_do_not_depend_on_packets(whole, discs, recorded, fake_network, 
 
 @pytest.mark.parametrize(("start_s", "stop_s"), [(0.1, None), (0.137, 0.3), (0.0, 0.26), (0.26, 0.41)])
 def test_a_span_gives_the_estimates_of_the_whole(whole, discs, recorded, fake_network, camera, start_s, stop_s):
-    """Its grid does not move, and the neighbours of its first and last slice are read: rel_depth depends on them."""
+    """Its grid does not move, and four neighbours to each side are read: rel_depth depends on events of two that are
+    compensated by the first pass's answers for these two, which depend on two more.
+    """
     part = list(run(recorded(discs), model=fake_network, camera=camera, start_s=start_s, stop_s=stop_s))
     start_us = int(discs.t[0]) + round(start_s * 1e6)
     stop_us = int(discs.t[-1]) + 1 if stop_s is None else int(discs.t[0]) + round(stop_s * 1e6)
@@ -101,7 +109,7 @@ def test_invalid_pixels_are_one_warning_and_their_events_are_counted(discs, reco
         estimates = [estimate for estimate, _ in prepared.slices()]
     assert len(caught) == 1
     assert not estimates[0].valid.all()
-    assert prepared.frames.dropped > 0
+    assert prepared.placed.dropped > 0
 
 
 def test_the_calibration_must_fit_the_sensor(discs, recorded, fake_network):
@@ -139,7 +147,8 @@ def test_events_are_not_labelled_unasked(whole):
 def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
     prepared = Run(recorded(discs), Network(fake_network), camera=camera)
     count = len(list(prepared.slices()))
-    assert set(prepared.stopwatch.mean_ms(count)) == {"reading", "slicing", "frames", "evidence", "networks", "objects"}
+    stages = "reading slicing placing first_look first_pass second_look second_pass objects"
+    assert set(prepared.stopwatch.mean_ms(count)) == {stage.replace("_", " ") for stage in stages.split()}
 
 
 def test_a_reader_that_fails_does_so_here_after_the_slices_before(discs, recorded, fake_network, camera):

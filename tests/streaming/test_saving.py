@@ -79,7 +79,7 @@ def test_the_summary_says_what_was_done(prepared, tmp_path):
     assert summary["warnings"] == ["mind the gap"]
     assert summary["objects_seen"] == 2
     assert summary["slices_per_s"] > 0
-    assert {"reading", "frames", "networks", "objects", "tables"} <= set(summary["stages_ms"])
+    assert {"reading", "placing", "first pass", "second pass", "objects", "tables"} <= set(summary["stages_ms"])
     assert summary["interrupted"] is False
     assert {"evimo", "onnxruntime", "python"} <= set(summary["versions"])
 

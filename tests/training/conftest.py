@@ -34,15 +34,12 @@ def dots(slices: int, size: tuple[int, int], rng: np.random.Generator) -> tuple[
 
 
 def known_recording(size: tuple[int, int], slices: int, seed: int) -> Prepared:
-    """The known world, prepared; the camera moves along x, the box too."""
+    """The known world, prepared; the camera moves along x, the box too. Events are at the centres of their slices."""
     rng = np.random.default_rng(seed)
     height, width = size
     focal_px = 0.75 * width
     signs, box = dots(slices, size, rng)
     number, row, column = np.nonzero(signs)  # sorted by slice
-    t_us = rng.integers(0, SLICE_US, len(number))
-    frames = np.stack((signs > 0, signs < 0, np.zeros_like(signs)), axis=1).astype(np.float16)
-    frames[number, 2, row, column] = t_us / SLICE_US
     speed = SLICES_PER_S / focal_px  # of one px per slice, 1/s on the plane Z = 1
     velocity = np.zeros((slices, 256, 3), np.float32)
     velocity[:, 1, 0] = -WALL_M * speed - BOX_M * speed
@@ -50,7 +47,7 @@ def known_recording(size: tuple[int, int], slices: int, seed: int) -> Prepared:
     flow[:, 0] = np.where(box, -speed, speed)
     return Prepared(
         intrinsics=np.array((focal_px, focal_px, (width - 1) / 2 + 0.3, (height - 1) / 2), np.float32),
-        frames=frames,
+        frames=np.zeros((slices, 1, 1, 1), np.float16),
         valid=np.ones(size, bool),
         depth=np.where(box, BOX_M, WALL_M).astype(np.float16),
         ids=box.astype(np.uint8),
@@ -60,7 +57,7 @@ def known_recording(size: tuple[int, int], slices: int, seed: int) -> Prepared:
         velocity=velocity,
         ego=np.tile(np.array((-WALL_M * speed, 0, 0, 0, 0, 0), np.float32), (slices, 1)),
         event_xy=(np.stack((column, row), axis=1) * SUBPIXEL).astype(np.uint16),
-        event_t=t_us.astype(np.uint16),
+        event_t=np.full(len(number), SLICE_US // 2, np.uint16),
         event_on=signs[number, row, column] > 0,
         event_first=np.searchsorted(number, np.arange(slices + 1)),
     )
@@ -70,7 +67,7 @@ def known_recording(size: tuple[int, int], slices: int, seed: int) -> Prepared:
 def recording() -> Callable[..., Prepared]:
     """Makes a known world of a size, a number of slices and a seed."""
 
-    def made(size: tuple[int, int] = (36, 54), slices: int = 7, seed: int = 0) -> Prepared:
+    def made(size: tuple[int, int] = (32, 64), slices: int = 7, seed: int = 0) -> Prepared:
         return known_recording(size, slices, seed)
 
     return made
@@ -78,8 +75,15 @@ def recording() -> Callable[..., Prepared]:
 
 @pytest.fixture
 def samples(recording) -> Samples:
-    """Two known worlds of 36x54 px and 7 slices each."""
+    """Two known worlds of 32x64 px and 7 slices each."""
     return samples_of([recording(seed=0), recording(seed=1)])
+
+
+@pytest.fixture
+def small_crops(monkeypatch) -> tuple[int, int]:
+    """Batches of 32x64 px."""
+    monkeypatch.setattr("evimo.training.data.CROP", (32, 64))
+    return 32, 64
 
 
 @pytest.fixture

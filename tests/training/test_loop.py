@@ -1,4 +1,5 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import torch
 
 from evimo.errors import BadFile, BadInput
 from evimo.model.checkpoint import load_model, load_tensors
+from evimo.training import loop as module
 from evimo.training.config import TrainConfig
 from evimo.training.data import samples_of
 from evimo.training.loop import MODEL, STATE, Trainer
@@ -35,8 +37,8 @@ def trained(trainer, *, stop_after=None):
 
 
 @pytest.fixture
-def small(recording):
-    return [samples_of([recording(size=(18, 36), slices=4)])]
+def small(recording, small_crops):
+    return samples_of([recording(slices=4)])
 
 
 def test_a_stopped_run_goes_on_exactly(small, tiny, tmp_path):
@@ -86,18 +88,57 @@ def test_an_unknown_recipe(small, tiny, tmp_path):
         Trainer(tiny(), replace(CONFIG, recipe="soup"), small, tmp_path)
 
 
-def test_one_sick_sample_does_not_spoil_the_run(recording, tiny, tmp_path):
-    sick = replace(recording(size=(18, 36), slices=4), ego=np.full((4, 6), np.nan, np.float32))
-    trainer = Trainer(tiny(), replace(CONFIG, steps=1), [samples_of([sick])], tmp_path)
+def test_one_sick_sample_does_not_spoil_the_run(recording, small_crops, tiny, tmp_path):
+    sick = replace(recording(slices=4), ego=np.full((4, 6), np.nan, np.float32))
+    trainer = Trainer(tiny(), replace(CONFIG, steps=1), samples_of([sick]), tmp_path)
     before = {name: value.clone() for name, value in trainer.model.state_dict().items()}
     trained(trainer)
     assert all(torch.equal(before[name], value) for name, value in trainer.model.state_dict().items())
 
 
-def test_recordings_of_several_sizes_are_drawn_by_their_number_of_samples(recording, tiny, tmp_path):
-    groups = [samples_of([recording(size=(18, 36), slices=1)]), samples_of([recording(size=(36, 18), slices=9)])]
-    trainer = Trainer(tiny(), CONFIG, groups, tmp_path)
-    wide = 0
-    for trainer.step in range(100):
-        wide += trainer._batch().valid.shape[-1] == 36
-    assert 2 <= wide <= 25
+@pytest.fixture
+def bare(monkeypatch, small, tiny, tmp_path):
+    """Trains without batches or losses, and returns what `note(trainer, batch)` says at each step."""
+
+    def run(config, note):
+        trainer = Trainer(tiny(), config, small, tmp_path)
+        noted = []
+
+        def objective(model, batch, recipe):
+            noted.append(note(trainer, batch))
+            return sum(0 * value.sum() for value in model.parameters()), {}
+
+        monkeypatch.setattr(module, "objective", objective)
+        trained(trainer)
+        return noted
+
+    return run
+
+
+def test_batches_drawn_ahead_are_those_of_their_steps(bare, small):
+    """By the seed and the step alone, whatever is drawn when."""
+    noted = bare(CONFIG, lambda trainer, batch: (trainer.step, batch))
+    assert [step for step, _ in noted] == list(range(6))
+    for step, batch in noted[::-1]:
+        again = module.drawn_batch(small, 2, np.random.default_rng((CONFIG.seed, step)))
+        assert all(torch.equal(one, other) for one, other in zip(batch[:15], again[:15], strict=True))
+
+
+@pytest.mark.parametrize(("recipe", "wanted"), [("shipped", False), ("paper", True)])
+def test_events_come_along_where_a_loss_wants_them(bare, recipe, wanted):
+    noted = bare(replace(CONFIG, recipe=recipe, steps=1), lambda trainer, batch: batch.events is not None)
+    assert noted == [wanted]
+
+
+def test_the_learning_rate_rises_then_falls_by_half_a_cosine_to_a_hundredth(bare, monkeypatch):
+    still = SimpleNamespace(to=lambda device: still)
+    monkeypatch.setattr(module, "drawn_batch", lambda *_, **__: still)
+    config = replace(CONFIG, steps=400, warm_up=10, learning_rate=0.002, save_every=1000)
+    noted = bare(config, lambda trainer, batch: trainer.optimizer.param_groups[0]["lr"] / 0.002)
+    assert noted[:10] == pytest.approx([k / 10 for k in range(1, 11)], rel=2e-3)  # the cosine is flat there
+    assert max(noted) == pytest.approx(1, abs=2e-3) and noted.index(max(noted)) == 9
+    assert noted[9:] == sorted(noted[9:], reverse=True)
+    assert noted[200] == pytest.approx((1 + 0.01) / 2)  # half way
+    third = 400 // 3  # where a cosine is 1/2
+    assert noted[third] == pytest.approx(0.01 + 0.99 * 0.75, abs=3e-3)
+    assert noted[-1] == pytest.approx(0.01, abs=1e-4)

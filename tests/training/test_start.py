@@ -1,32 +1,51 @@
 import csv
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from evimo.errors import NotFound
+from evimo.errors import BadFile, NotFound
 from evimo.training import start as module
 from evimo.training.config import TrainConfig
-from evimo.training.start import log_rows, sample_groups, start
+from evimo.training.start import log_rows, start, training_samples
+
+
+def without_events(world):
+    none = {name: getattr(world, name)[:0] for name in ("event_xy", "event_t", "event_on")}
+    return replace(world, **none, event_first=np.zeros(len(world) + 1, np.int64))
 
 
 @pytest.fixture
-def on_disk(monkeypatch, recording, tmp_path):
-    """Folders whose prepared recordings are known worlds of two sizes."""
+def on_disk(monkeypatch, recording, small_crops, tmp_path):
+    """Folders whose prepared recordings are known worlds of two sizes; the third is without any event."""
     worlds = {}
-    for name, size in (("a", (18, 36)), ("b", (36, 18)), ("c", (18, 36))):
+    for name, size in (("a", (32, 64)), ("b", (48, 64)), ("c", (32, 64))):
         (tmp_path / name).mkdir()
         (tmp_path / name / "dataset_sim.npz").touch()
         worlds[tmp_path / name] = recording(size=size, slices=3)
+    worlds[tmp_path / "c"] = without_events(worlds[tmp_path / "c"])
     monkeypatch.setattr(module, "prepare", lambda folder: folder)
     monkeypatch.setattr(module, "open_prepared", worlds.__getitem__)
     return tmp_path
 
 
-def test_samples_are_grouped_by_the_size_of_their_images(on_disk):
+def test_samples_are_of_all_recordings_with_events(on_disk):
     told = []
-    groups = sample_groups([on_disk], lambda *progress: told.append(progress))
-    assert sorted((group.recordings[0].valid.shape, len(group)) for group in groups) == [((18, 36), 6), ((36, 18), 3)]
+    samples = training_samples([on_disk], lambda *progress: told.append(progress))
+    assert samples.index.tolist() == [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]
     assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_recordings_without_any_event_are_one_clear_error(on_disk):
+    with pytest.raises(BadFile, match="no recording has a slice with truth and an event"):
+        training_samples([on_disk / "c"], lambda *_: None)
+
+
+def test_training_does_not_stop_on_a_recording_without_events(on_disk, tmp_path):
+    trainer = start([on_disk], "tiny", TrainConfig(steps=3, batch=4), tmp_path / "run", progress=lambda *_: None)
+    steps = []
+    trainer.run(lambda step, terms: steps.append((step, np.isfinite(terms["loss"]))))
+    assert steps == [(1, True), (2, True), (3, True)]
 
 
 def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path):
@@ -49,7 +68,7 @@ def test_a_wrong_preset_is_said_before_anything_is_prepared(tmp_path):
 
 def test_an_empty_folder(tmp_path):
     with pytest.raises(NotFound, match="evimo simulate"):
-        sample_groups([tmp_path], lambda *_: None)
+        training_samples([tmp_path], lambda *_: None)
 
 
 def test_the_log_goes_on_under_one_header(tmp_path):
@@ -67,7 +86,7 @@ def test_more_recordings_than_files_may_be_open(monkeypatch, on_disk):
         pytest.skip("the hard limit is too low to be raised")
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits[1]))
-        sample_groups([on_disk], lambda *_: None)
+        training_samples([on_disk], lambda *_: None)
         assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] > 512
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)

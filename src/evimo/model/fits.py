@@ -129,7 +129,7 @@ def robustly_fitted(
 def residual_translations(
     geometry: Geometry,
     error: Float[Tensor, "B 2 h w"],
-    mixture: Float[Tensor, "B C+1 h w"],
+    mixture: Float[Tensor, "B channels h w"],
     *,
     weight: Tensor,
     prior: Tensor,

@@ -30,13 +30,5 @@ class ModelConfig:
 PRESETS = {
     "base": ModelConfig(hidden=32, growth=32, first_hidden=20, first_growth=20),
     "small": ModelConfig(hidden=16, growth=20, first_hidden=12, first_growth=12, depth_hidden=8, depth_growth=8),
-    "tiny": ModelConfig(
-        hidden=8,
-        growth=4,
-        layers=3,
-        first_hidden=6,
-        first_growth=4,
-        depth_hidden=4,
-        depth_growth=3,
-    ),
+    "tiny": ModelConfig(hidden=6, growth=3, layers=3, first_hidden=4, first_growth=2, depth_hidden=4, depth_growth=2),
 }

@@ -11,7 +11,7 @@ class TrainConfig:
     steps:         batches.
     batch:         samples per batch.
     learning_rate: at its highest; the paper has 1e-2 with batches of 32.
-    warm_up:       steps until then; a half cosine to 0 follows.
+    warm_up:       steps until then; a half cosine to a hundredth of it is on top.
     average:       decay of the moving average of the weights, which is what is saved.
     seed:          of the first weights and of every batch.
     save_every:    steps between checkpoints.
