@@ -9,7 +9,7 @@ from evimo.events.stack import voxel_grid
 from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import rectified
 from evimo.streaming.inference import CameraMotion
-from evimo.streaming.looks import Looks, Placed, halved_mask, joined
+from evimo.streaming.looks import Looks, Placed, halved_mask, stacked
 
 BARREL = Camera(12.0, 12.0, 15.5, 11.5, 24, 32, distortion=(-0.5, 0.1, 0.0, 0.0))
 
@@ -52,16 +52,16 @@ def test_events_that_the_lens_has_no_counterpart_of_are_counted():
 def test_a_stack_has_the_time_of_its_middle(pinhole):
     placed = Placed(pinhole)
     parts = [placed.slice(slice_of([k], [k], [25_000 * k + 12_500], [1], index=k)) for k in range(5)]
-    whole = joined(parts)
+    whole = stacked(parts)
     np.testing.assert_allclose(whole.t, (-2, -1, 0, 1, 2))
     np.testing.assert_allclose(whole.x, range(5), atol=1e-4)
 
 
 def test_missing_slices_leave_a_gap(pinhole):
     part = Placed(pinhole).slice(slice_of([1], [2], [75_000 + 12_500], [1]))
-    assert joined([None, None, part, None, part]).t.tolist() == [0, 2]
-    assert joined([None] * 5).t.shape == (0,)
-    assert joined([None] * 5).positive.dtype == np.bool_
+    assert stacked([None, None, part, None, part]).t.tolist() == [0, 2]
+    assert stacked([None] * 5).t.shape == (0,)
+    assert stacked([None] * 5).positive.dtype == np.bool_
 
 
 def test_a_halved_mask_is_the_share_of_four_pixels():
@@ -74,7 +74,7 @@ def test_a_halved_mask_is_the_share_of_four_pixels():
 def test_images_are_padded_to_the_stride(pinhole):
     looks = Looks(pinhole, stride=20)
     assert (looks.size, looks.cells) == ((40, 40), (20, 20))
-    stack = joined([Placed(pinhole).slice(slice_of([8], [6], [87_500], [1]))])
+    stack = stacked([Placed(pinhole).slice(slice_of([8], [6], [87_500], [1]))])
     first = looks.first(stack)
     assert (first.voxels.shape, first.fits.shape, first.valid.shape) == ((30, 20, 20), (24, 20, 20), (20, 20))
     assert (first.valid[:12, :16] == 1).all() and first.valid.sum() == 12 * 16
@@ -89,7 +89,7 @@ def test_each_slices_own_motion_is_taken_out(pinhole, camera):
     """A dot that goes 1 px to the right per slice, at twice the mean depth; the outer slices see it twice as fast."""
     place = Placed(pinhole)
     columns = [10, 12, 13, 14, 16]
-    stack = joined([place.slice(slice_of([c], [8], [87_500], [1])) for c in columns])
+    stack = stacked([place.slice(slice_of([c], [8], [87_500], [1])) for c in columns])
     speeds = np.array((2, 1, 1, 1, 2)) * -2.0 / camera.fx
     # From centre to centre of neighbours is half the one's and half the other's motion: 1.5 px from the outer ones.
     stack = stack._replace(x=stack.x + np.array((0.5, 0, 0, 0, -0.5), np.float32))
@@ -105,7 +105,7 @@ def test_each_slices_own_motion_is_taken_out(pinhole, camera):
 
 def test_threads_do_not_share_memory(pinhole):
     looks = Looks(pinhole, stride=8)
-    stack = joined([Placed(pinhole).slice(slice_of([8], [6], [87_500], [1]))])
+    stack = stacked([Placed(pinhole).slice(slice_of([8], [6], [87_500], [1]))])
     found = [looks.first(stack).voxels]
     thread = threading.Thread(target=lambda: found.append(looks.first(stack).voxels))
     thread.start()
