@@ -1,6 +1,6 @@
 """Speed of every stage on two cores: prints a table, writes out/bench.json. `make bench` runs this.
 
-    python bench/speed.py [--only slicing,simulate,rendering,run,labels,onnx,warping] [--out out/bench.json]
+    python bench/speed.py [--only slicing,simulate,rendering,run,onnx,warping] [--out out/bench.json]
 
 Peers are timed in turn within this very run, and medians compared: absolute times mean little on a shared machine.
 What cannot be measured here is listed with the reason. The JSON has one key per number; `rows` says more.
@@ -31,7 +31,7 @@ SIZE = (260, 346)
 FOLDER = Path("out/bench")
 SIMULATED = FOLDER / "simulated"
 SEED = 90_000
-MODEL = "tiny"
+MODEL = "small"
 GOALS = ("value", "must", "aim")
 
 Row = dict[str, Any]
@@ -108,7 +108,7 @@ def full_size() -> Path:
 
 
 def run() -> Iterator[Row]:
-    """`evimo run` end to end with tiny, video off: slices per second after the first, and where the time goes."""
+    """`evimo run` end to end with small, video off: slices per second after the first, and where the time goes."""
     from evimo import samples
 
     full, sample = full_size(), samples.path()
@@ -127,7 +127,64 @@ def run() -> Iterator[Row]:
         note = f"{source.name}, {size}, {middle['slices']} slices, {what}; {middle['startup_s']:.1f} s to the first"
         stages = {"stages_ms": middle["stages_ms"], "wall_s": middle["wall_s"]}
         goal = {"must": 25.0, "aim": 80.0} if way == "" else {}
-        yield row(f"run_tiny{way}_slices_per_s", middle["slices_per_s"], "slices/s", note=note, **goal, **stages)
+        yield row(f"run_{MODEL}{way}_slices_per_s", middle["slices_per_s"], "slices/s", note=note, **goal, **stages)
+
+
+def onnx() -> Iterator[Row]:
+    """Both passes of one slice, as deployed against their own eager forward pass."""
+    if find_spec("torch") is None:
+        raise Skipped("torch is not installed: the eager pass needs evimo[train]")
+    import torch
+
+    import evimo as package
+    from evimo.errors import NotFound
+    from evimo.events.stack import plane_fits, voxel_grid
+    from evimo.model.export import First, Second
+    from evimo.streaming.inference import Network, Seen
+
+    try:
+        network, model = Network(MODEL, workers=1, threads=CORES), package.load_model(MODEL)
+    except NotFound as error:
+        raise Skipped(error.problem) from error
+    torch.set_num_threads(CORES)
+    size = tuple(-(-side // network.stride) * network.stride for side in SIZE)
+    half = size[0] // 2, size[1] // 2
+    stack = random_stack(50_000)
+    fits, valid = plane_fits(stack, half), np.ones(half, np.float32)
+    lens = np.array([258, 258, 173, 130], np.float32), np.zeros(4, np.float32)
+    first = Seen(voxel_grid(stack, half, step=2), fits, valid, *lens)
+    second = Seen(voxel_grid(stack, (size[0], size[1])), fits, valid, *lens)
+    motion = network.first(first)
+    of_first, of_second = ([torch.from_numpy(each) for each in seen.feeds().values()] for seen in (first, second))
+    taken = [torch.from_numpy(each) for each in (motion.ego[None], motion.rel_depth[None, None])]
+    taken += [torch.from_numpy(each[None]) for each in (motion.rigid, motion.flow)]
+    parts = First(model).eval(), Second(model).eval()
+
+    def eager(part: torch.nn.Module, *inputs: torch.Tensor) -> None:
+        with torch.no_grad():
+            part(*inputs)
+
+    ways: dict[str, Callable[[], Any]] = {
+        "first": lambda: network.first(first),
+        "second": lambda: network.second(second, motion),
+        "eager_first": lambda: eager(parts[0], *of_first),
+        "eager_second": lambda: eager(parts[1], *of_second, *taken),
+    }
+    ms = medians_ms(ways)
+    for name in ("first", "second"):
+        note = f"{MODEL}, {SIZE[1]}x{SIZE[0]}: ONNX Runtime {ms[name]:.1f} ms, eager {ms[f'eager_{name}']:.1f} ms"
+        yield row(f"onnx_{name}_pass_ms", ms[name], "ms/slice", note=note)
+    times = (ms["eager_first"] + ms["eager_second"]) / (ms["first"] + ms["second"])
+    yield row("onnx_vs_eager", times, "times", must=1.3, aim=3.0, note="both passes", **ms)
+
+
+def random_stack(count: int) -> Any:
+    """Events of five slices at random places."""
+    from evimo.events.stack import EventStack
+
+    random = np.random.default_rng(0)
+    x, y = (random.uniform(0, side - 1, count).astype(np.float32) for side in SIZE[::-1])
+    return EventStack(x, y, random.uniform(-2.5, 2.5, count).astype(np.float32), random.random(count) < 0.5)
 
 
 def labels() -> Iterator[Row]:
@@ -135,44 +192,6 @@ def labels() -> Iterator[Row]:
     from labels import label_rows
 
     yield from label_rows(full_size(), MODEL)
-
-
-def onnx() -> Iterator[Row]:
-    """The tiny networks of one slice, as deployed against their own eager forward pass."""
-    if find_spec("torch") is None:
-        raise Skipped("torch is not installed: the eager pass needs evimo[train]")
-    import torch
-    from evimo.streaming.evidence import EvidenceMaker
-
-    import evimo as package
-    from evimo.errors import NotFound
-    from evimo.model.export import Deployed
-    from evimo.streaming.inference import Network
-
-    try:
-        network, model = Network("tiny", workers=1, threads=CORES), package.load_model("tiny")
-    except NotFound as error:
-        raise Skipped(error.problem) from error
-    torch.set_num_threads(CORES)
-    maker = EvidenceMaker(SIZE, stride=network.stride, reduction=network.reduction)
-    random = np.random.default_rng(0)
-    frames = random.poisson(0.2, (model.config.slices, 3, *SIZE)).astype(np.float32)
-    images = [maker.images(frame) for frame in frames]
-    image, evidence = maker.image(images), maker.evidence(images)
-    valid, intrinsics = np.ones(maker.size, np.float32), np.array([258, 258, 173, 130], np.float32)
-    inputs = [torch.from_numpy(each)[None] for each in (image, evidence, valid[None], intrinsics)]
-    deployed = Deployed(model).eval()
-
-    def eager() -> None:
-        with torch.no_grad():
-            deployed(*inputs)
-
-    def by_onnx() -> None:
-        network.estimate(image, evidence, valid=valid, intrinsics=intrinsics)
-
-    ms = medians_ms({"onnx": by_onnx, "eager": eager})
-    note = f"{SIZE[1]}x{SIZE[0]}: ONNX Runtime {ms['onnx']:.1f} ms, eager {ms['eager']:.1f} ms"
-    yield row("onnx_vs_eager", ms["eager"] / ms["onnx"], "times", must=1.3, aim=3.0, note=note, **ms)
 
 
 def warping() -> Iterator[Row]:
@@ -189,9 +208,9 @@ MEASUREMENTS: dict[str, Callable[[], Iterator[Row]]] = {
     "simulate": simulate,
     "rendering": rendering,
     "run": run,
-    "labels": labels,
     "onnx": onnx,
     "warping": warping,
+    "labels": labels,
 }
 
 

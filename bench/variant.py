@@ -1,6 +1,6 @@
 """Train `tiny` with one thing changed, to measure what that thing does.
 
-    python bench/variant.py FOLDER... --out RUN --steps 1000 [--shape coordinates=false] [--recipe moving_share=0.05]
+    python bench/variant.py FOLDER... --out RUN --steps 1000 [--shape first_layers=2] [--recipe moving_share=0.05]
     evimo evaluate HELD_OUT --model RUN/model.onnx
 
 `--shape` changes a field of `ModelConfig`, `--recipe` one of the recipe `shipped`; values are JSON. Without either it
@@ -23,7 +23,7 @@ from evimo.model.presets import PRESETS
 from evimo.training.config import TrainConfig
 from evimo.training.loop import Trainer
 from evimo.training.recipes import RECIPES
-from evimo.training.start import sample_groups
+from evimo.training.start import training_samples
 
 VARIANT = "variant"
 
@@ -52,8 +52,8 @@ def main() -> None:
     torch.manual_seed(config.seed)
     shape = replace(PRESETS["tiny"], **changes(options.shape))
     model = load_model(options.start) if options.start else MotionNet(shape)
-    groups = sample_groups(options.folders, lambda done, total: None)
-    trainer = Trainer(model, config, groups, options.out, knows_motion=options.start is not None)
+    samples = training_samples(options.folders, lambda done, total: None)
+    trainer = Trainer(model, config, samples, options.out)
     trainer.resume()
     steps = iter(track(range(config.steps - trainer.step), description="train"))
     trainer.run(lambda step, terms: next(steps, None))

@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from evimo.events.local_motion import motion_candidates
 from evimo.events.stack import EventStack, plane_fits, voxel_grid
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import MotionNet, Prediction
@@ -20,13 +21,14 @@ class Look(NamedTuple):
 
     voxels: Tensor
     fits: Tensor
+    candidates: Tensor
     sharp_voxels: Tensor
     valid: Tensor
     intrinsics: Tensor
     rotation: Tensor
 
     def first(self, model: MotionNet) -> FirstAnswer:
-        return model.first(self.voxels, self.fits, self.valid, self.intrinsics, self.rotation)
+        return model.first(self.voxels, self.fits, self.candidates, self.valid, self.intrinsics, self.rotation)
 
     def second(self, model: MotionNet) -> list[Prediction]:
         first = self.first(model)
@@ -64,7 +66,8 @@ def look() -> Callable[..., Look]:
         kept = ~np.isin(np.floor(t + 2.5), gone)
         stack = EventStack(x[kept], y[kept], t[kept], random.random(kept.sum()) < 0.5)
         half = height // 2, width // 2
-        images = voxel_grid(stack, half, step=2), plane_fits(stack, half), voxel_grid(stack, size)
+        voxels = voxel_grid(stack, half, step=2)
+        images = voxels, plane_fits(stack, half), motion_candidates(voxels), voxel_grid(stack, size)
         return Look(
             *(torch.from_numpy(image)[None] for image in images),
             valid=torch.ones(1, 1, *half),

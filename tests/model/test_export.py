@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from evimo.events.events import Events
+from evimo.events.local_motion import motion_candidates
 from evimo.events.slices import SLICE_US, Slice
 from evimo.events.stack import StaticMotion
 from evimo.geometry.camera import Camera
@@ -21,6 +22,7 @@ from evimo.model.second_pass import Compensation
 from evimo.recordings.prepared import SUBPIXEL, Prepared
 from evimo.streaming import inference
 from evimo.streaming.looks import Looks, Placed, stacked
+from evimo.streaming.rotation import UNKNOWN
 from evimo.training.data import DEPTH_STEP, whole_batch
 
 EXPORT = """
@@ -39,7 +41,7 @@ from evimo.streaming.inference import Network, Seen
 network = Network(sys.argv[1])
 lens = np.array((50, 50, 48, 32), "f4"), np.zeros(4, "f4")
 fits, valid = np.zeros((24, 32, 48), "f4"), np.ones((32, 48), "f4")
-motion = network.first(Seen(np.zeros((30, 32, 48), "f4"), fits, valid, *lens))
+motion = network.first(Seen(np.zeros((30, 32, 48), "f4"), fits, valid, *lens), np.zeros((22, 16, 24), "f4"))
 answer = network.second(Seen(np.zeros((30, 64, 96), "f4"), fits, valid, *lens), motion)
 print([list(output.shape) for output in (*motion, *answer)])
 """
@@ -81,7 +83,7 @@ def test_both_passes_are_equal_in_onnx_and_torch(size, rotation, tiny, network, 
     seen = look(size)._replace(rotation=torch.tensor([rotation], dtype=torch.float32))
     seen.valid[..., :5, :] = 0
     feeds = [image[0].numpy() for image in (seen.voxels, seen.fits, seen.valid[0], seen.intrinsics, seen.rotation)]
-    found = network.first(inference.Seen(*feeds))
+    found = network.first(inference.Seen(*feeds), seen.candidates[0].numpy())
     with torch.no_grad():
         first, finest = seen.first(tiny), seen.second(tiny)[-1]
     for name in FIRST_OUTPUTS:
@@ -141,9 +143,12 @@ def test_what_a_run_says_is_what_training_sees(size, middle, tiny, network):
     ]
     around = [[parts[m] if 0 <= m < slices else None for m in range(k - 2, k + 3)] for k in range(slices)]
     wanted = [min(max(k, 0), slices - 1) for k in range(middle - 2, middle + 3)]
-    motions = {k: network.first(looks.first(stacked(around[k]))) for k in set(wanted)}
+    motions = {}
+    for k in set(wanted):
+        look = looks.first(stacked(around[k]), UNKNOWN)
+        motions[k] = network.first(look, motion_candidates(look.voxels))
     stack = stacked(around[middle])
-    answer = network.second(looks.second(stack, [motions[k] for k in wanted]), motions[middle])
+    answer = network.second(looks.second(stack, [motions[k] for k in wanted], UNKNOWN), motions[middle])
 
     image = rectification.image
     lens = np.array((image.fx, image.fy, image.cx, image.cy), np.float32)
@@ -153,7 +158,7 @@ def test_what_a_run_says_is_what_training_sees(size, middle, tiny, network):
         firsts = {}
         for k in set(wanted):
             batch = whole_batch(recording, [k], [still], tiny.config.stride)
-            firsts[k] = tiny.first(batch.voxels, batch.fits, batch.valid, batch.intrinsics, batch.rotation)
+            firsts[k] = tiny.first(batch.voxels, batch.fits, batch.candidates, batch.valid, batch.intrinsics, batch.rotation)
         own = firsts[middle]
         twist = torch.cat([firsts[k].ego for k in wanted]).numpy()
         motion = StaticMotion(twist, (1 / own.rel_depth)[0, 0].numpy(), DEPTH_STEP, lens)

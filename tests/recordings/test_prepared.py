@@ -9,6 +9,7 @@ from evimo.geometry.camera import Camera
 from evimo.recordings import prepared as module
 from evimo.recordings.prepared import open_prepared, prepare, recording_folders
 from evimo.recordings.recording import open_recording
+from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.recordings.writer import RecordingWriter
 from evimo.simulate.recording import simulate_recording
 
@@ -101,6 +102,31 @@ def test_what_moves_is_what_has_a_speed(opened):
         for number in fast:
             np.testing.assert_allclose(prepared.velocity[k, number], moved[number].velocity, rtol=1e-6)
         assert not prepared.velocity[k, 0].any()
+
+
+@pytest.mark.parametrize(
+    ("velocity", "rotation", "moves"),
+    [
+        ((0.0299, 0, 0), (0, 0, 0), False),
+        ((0.0301, 0, 0), (0, 0, 0), True),
+        ((0, -0.018, 0.0239), (0, 0, 0), False),  # 29.9 mm/s in all
+        ((0, -0.018, 0.0241), (0, 0, 0), True),
+        ((0, 0, 0), (0, np.deg2rad(9.7), 0), False),
+        ((0, 0, 0), (0, np.deg2rad(10), 0), True),
+        ((0.0299, 0, 0), (0, 0, np.deg2rad(9.7)), False),  # neither is enough
+        ((0.001, 0, 0), (np.deg2rad(-10), 0, 0), True),
+    ],
+)
+def test_an_object_moves_from_3_cm_or_10_degrees_per_second(velocity, rotation, moves, pieces, tmp_path):
+    with RecordingWriter(tmp_path / "recording", PINHOLE) as writer:
+        ids = np.zeros(SIZE, np.uint8)
+        ids[10:20, 10:30] = 1
+        motion = ObjectTruth(np.array((0, 0, 1.0)), np.array(velocity, float), np.array(rotation, float))
+        truth = Truth(12_500, np.full(SIZE, 2, np.float32), ids >= 0, ids, ids > 1, np.zeros(6), {1: motion})
+        writer.write(pieces[0][0], truth)
+    prepared = open_prepared(prepare(tmp_path / "recording"))
+    np.testing.assert_array_equal(prepared.moving[0], (ids == 1) & moves)
+    np.testing.assert_allclose(prepared.velocity[0, 1], np.array(velocity) * moves, atol=1e-7)
 
 
 def rectified_by_opencv(intrinsics, xy):

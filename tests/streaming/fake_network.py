@@ -7,8 +7,8 @@ from onnx import parser
 
 HEADER = '<ir_version: 10, opset_import: ["": 18]>'
 FIRST = """
-first (float[1, 30, h, w] voxels, float[1, 24, h, w] fits, float[1, 1, h, w] valid, float[1, 4] intrinsics,
-       float[1, 4] rotation)
+first (float[1, 30, h, w] voxels, float[1, 24, h, w] fits, float[1, 22, a, b] candidates, float[1, 1, h, w] valid,
+       float[1, 4] intrinsics, float[1, 4] rotation)
   => (float[1, 1, a, b] rel_depth, float[1, 6] ego, float[1, 2, a, b] flow, float[1, 2, a, b] rigid)
 {
   quarter = AveragePool <kernel_shape = [2, 2], strides = [2, 2]> (valid)

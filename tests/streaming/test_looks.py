@@ -10,6 +10,7 @@ from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import rectified
 from evimo.streaming.inference import CameraMotion
 from evimo.streaming.looks import Looks, Placed, halved_mask, stacked
+from evimo.streaming.rotation import UNKNOWN
 
 BARREL = Camera(12.0, 12.0, 15.5, 11.5, 24, 32, distortion=(-0.5, 0.1, 0.0, 0.0))
 
@@ -75,12 +76,12 @@ def test_images_are_padded_to_the_stride(pinhole):
     looks = Looks(pinhole, stride=20)
     assert (looks.size, looks.cells) == ((40, 40), (20, 20))
     stack = stacked([Placed(pinhole).slice(slice_of([8], [6], [87_500], [1]))])
-    first = looks.first(stack)
+    first = looks.first(stack, UNKNOWN)
     assert (first.voxels.shape, first.fits.shape, first.valid.shape) == ((30, 20, 20), (24, 20, 20), (20, 20))
     assert (first.valid[:12, :16] == 1).all() and first.valid.sum() == 12 * 16
     assert first.rotation.tolist() == [0, 0, 0, 0]
     still = CameraMotion(np.ones((10, 10), np.float32), np.zeros(6, np.float32), *np.zeros((2, 2, 10, 10), np.float32))
-    second = looks.second(stack, [still] * 5)
+    second = looks.second(stack, [still] * 5, UNKNOWN)
     assert second.voxels.shape == (30, 40, 40)
     np.testing.assert_array_equal(second.voxels, voxel_grid(stack, (40, 40)))
 
@@ -98,7 +99,7 @@ def test_each_slices_own_motion_is_taken_out(pinhole, camera):
         CameraMotion(depth, np.array((v, 0, 0, 0, 0, 0), np.float32), *np.zeros((2, 2, 8, 8), np.float32))
         for v in speeds
     ]
-    sharp = np.expm1(Looks(pinhole, stride=8).second(stack, motions).voxels).sum(0)
+    sharp = np.expm1(Looks(pinhole, stride=8).second(stack, motions, UNKNOWN).voxels).sum(0)
     assert sharp[8, 13] == pytest.approx(5, abs=1e-3)
     assert sharp.sum() == pytest.approx(5, abs=1e-3)
 
@@ -106,9 +107,9 @@ def test_each_slices_own_motion_is_taken_out(pinhole, camera):
 def test_threads_do_not_share_memory(pinhole):
     looks = Looks(pinhole, stride=8)
     stack = stacked([Placed(pinhole).slice(slice_of([8], [6], [87_500], [1]))])
-    found = [looks.first(stack).voxels]
-    thread = threading.Thread(target=lambda: found.append(looks.first(stack).voxels))
+    found = [looks.first(stack, UNKNOWN).voxels]
+    thread = threading.Thread(target=lambda: found.append(looks.first(stack, UNKNOWN).voxels))
     thread.start()
     thread.join()
     assert not np.shares_memory(*found)
-    assert np.shares_memory(found[0], looks.first(stack).voxels)
+    assert np.shares_memory(found[0], looks.first(stack, UNKNOWN).voxels)
