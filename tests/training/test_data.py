@@ -3,66 +3,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from torch.nn.functional import max_pool2d
 
-from evimo.geometry.grids import normalised_grid
+from evimo.geometry.grids import normalised_grid, resized_intrinsics
 from evimo.geometry.motion_field import motion_field
-from evimo.geometry.warping import EventPoints
-from evimo.training.batches import Batch
-from evimo.training.data import batch_of, drawn_batch, mirrored, samples_of
+from evimo.training import disturbance
+from evimo.training.data import drawn_batch, drawn_sample, samples_of, stack_of, true_motion, whole_batch
+
+ABOVE = slice(0, 12)  # rows of the wall above the box of 36x54 px
+INNER = slice(4, -4)  # columns whose dots neither came from the edge nor reach it
 
 
 def drawn(samples, seed, **how):
     return drawn_batch(samples, 4, np.random.default_rng(seed), **how)
 
 
-def flow_that_follows(batch):
-    """Flow from the batch's own depth, egomotion and object velocities."""
+def half_grid(batch):
+    """Where each pixel of the truth looks."""
+    return normalised_grid(resized_intrinsics(batch.intrinsics, (2, 2), (1, 1)), batch.depth)
+
+
+def assert_flow_follows(batch):
+    """From the batch's own depth, egomotion and object velocities."""
     twist = batch.ego[:, :, None, None].repeat(1, 1, *batch.depth.shape[-2:])
     twist[:, :3] -= batch.velocity
-    return motion_field(twist, 1 / batch.depth, normalised_grid(batch.intrinsics, batch.depth))
-
-
-@pytest.fixture
-def world():
-    """A batch with a random twist, random depth, and random velocities; its flow is what follows from them."""
-    rng = torch.Generator().manual_seed(0)
-    size = (6, 9)
-    batch = Batch(
-        frames=torch.rand(2, 5, 3, *size, generator=rng),
-        valid=torch.ones(2, 1, *size),
-        intrinsics=torch.tensor([[7.0, 6, 3.7, 2.9], [8.0, 8, 4, 2.5]]),
-        depth=0.5 + torch.rand(2, 1, *size, generator=rng),
-        depth_valid=torch.rand(2, 1, *size, generator=rng) > 0.2,
-        moving=torch.rand(2, 1, *size, generator=rng) > 0.7,
-        flow=torch.zeros(2, 2, *size),
-        velocity=torch.randn(2, 3, *size, generator=rng),
-        ego=torch.randn(2, 6, generator=rng),
-        events=EventPoints(
-            torch.tensor([0, 1]), torch.tensor([2.0, 8]), torch.tensor([1.0, 5]), torch.zeros(2), torch.ones(2).bool()
-        ),
-    )
-    return batch._replace(flow=flow_that_follows(batch))
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_in_a_mirror_the_motion_field_still_holds(world, axis):
-    other = mirrored(world, axis=axis)
-    assert not torch.allclose(other.flow, world.flow)
-    torch.testing.assert_close(other.flow, flow_that_follows(other), atol=1e-5, rtol=1e-5)
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_twice_mirrored_is_as_before(world, axis):
-    back = mirrored(mirrored(world, axis=axis), axis=axis)
-    torch.testing.assert_close(back[:9], world[:9])
-    torch.testing.assert_close(tuple(back.events), tuple(world.events))
-
-
-def test_a_mirror_along_x_exchanges_left_and_right(world):
-    other = mirrored(world, axis=0)
-    assert torch.equal(other.depth[..., 0], world.depth[..., -1])
-    assert other.events.x.tolist() == [6, 0]
-    assert other.events.y.tolist() == [1, 5]
+    known = batch.depth_valid
+    flow = motion_field(twist, torch.where(known, 1 / batch.depth, 0), half_grid(batch))
+    torch.testing.assert_close(batch.flow * known, flow * known, atol=2e-3, rtol=1e-3)
 
 
 def test_every_slice_is_the_middle_of_one_sample(recording):
@@ -71,65 +38,193 @@ def test_every_slice_is_the_middle_of_one_sample(recording):
     assert len(samples) == 5
 
 
-def test_a_batch_is_stored_truth_around_its_middle(samples):
-    batch = batch_of(samples, [3, 7])
-    world = samples.recordings[0]
-    assert torch.equal(batch.frames[0], torch.tensor(world.frames[1:6].astype(np.float32)))
-    assert torch.equal(batch.moving[0, 0], torch.tensor(world.moving[3]))
+def test_recordings_without_events_have_no_samples(recording, without_events):
+    dark = without_events(recording(slices=3))
+    assert samples_of([dark, recording(slices=2), dark]).index.tolist() == [[1, 0], [1, 1]]
+    assert samples_of([dark]).index.shape == (0, 2)
+
+
+@pytest.mark.parametrize(("middle", "slices"), [(3, range(1, 6)), (0, range(3)), (6, range(4, 7))])
+def test_a_stack_holds_the_slices_about_its_middle(middle, slices, recording):
+    world = recording()
+    stack = stack_of(world, middle)
+    counts = [int(np.diff(world.event_first)[k]) for k in slices]
+    assert len(stack.t) == sum(counts)
+    begins = np.arange(slices.start, slices.stop + 1) - middle - 0.5
+    assert np.histogram(stack.t, begins)[0].tolist() == counts
+    # A dot of the wall is at a whole column when its slice is half over, and moves by a column per slice.
+    wall = stack.y < 11.5
+    off = (stack.x - stack.t)[wall & (stack.x > 0) & (stack.x < 53)]
+    np.testing.assert_allclose(off, np.round(off), atol=0.01)
+
+
+def test_a_stack_of_less_reach(recording):
+    stack = stack_of(recording(), 3, reach=1)
+    assert -1.5 <= stack.t.min() < -1.4 and 1.4 < stack.t.max() < 1.5
+
+
+def test_convention_true_motion_is_in_mean_depths_per_slice(recording):
+    world = recording()
+    motion = true_motion(world, 3)
+    wall = ~world.moving[3, 2::4, 2::4]
+    for twist in motion.twist:  # by equation 1 the wall moves by one column per slice
+        np.testing.assert_allclose(-twist[0] * motion.inv_depth[wall] * world.intrinsics[0], 1, rtol=1e-3)
+    assert (1 / motion.inv_depth).mean() == pytest.approx(1, rel=1e-6)
+
+
+def test_at_an_end_the_last_twist_goes_on_and_unknown_depth_is_the_mean(recording):
+    world = recording()
+    world.depth[0, :, :27] = 0
+    world.ego[:, 4] = np.arange(7)
+    motion = true_motion(world, 0)
+    np.testing.assert_allclose(motion.twist[:, 4] / 0.025, (0, 0, 0, 1, 2), rtol=1e-6)
+    assert (motion.inv_depth[:, :6] == 1).all()
+    world.depth[0] = 0
+    assert (true_motion(world, 0).inv_depth == 1).all()
+
+
+@pytest.fixture
+def whole(recording):
+    """A known world and its middle slice as a batch, compensated by the true motion."""
+    world = recording()
+    return world, whole_batch(world, [3], [true_motion(world, 3)], 32)
+
+
+def test_a_whole_batch_is_stored_truth_padded_to_the_stride(whole):
+    world, batch = whole
+    assert batch.sharp_voxels.shape[-2:] == (64, 64)
+    inside = (..., slice(0, 18), slice(0, 27))
+    assert torch.equal(batch.moving[inside][0, 0], torch.tensor(world.moving[3, 1::2, 1::2]))
+    assert torch.equal(batch.depth[inside][0, 0], torch.tensor(world.depth[3, 1::2, 1::2].astype(np.float32)))
     assert torch.equal(batch.ego[0], torch.tensor(world.ego[3]))
-    # The box moves, the wall does not; what each pixel shows flows as the motion field of its velocity says.
-    torch.testing.assert_close(batch.flow, flow_that_follows(batch), atol=2e-3, rtol=1e-3)
+    assert torch.equal(batch.intrinsics[0], torch.tensor(world.intrinsics))
+    assert int(batch.valid.sum()) == int(batch.depth_valid.sum()) == 18 * 27
+    assert batch.valid[inside].all() and batch.depth_valid[inside].all()
+    assert not batch.rotation.any()
+    assert_flow_follows(batch)
 
 
-def test_before_the_first_and_after_the_last_slice_frames_are_zero(samples):
-    batch = batch_of(samples, [0, 6, 7])
-    empty = ~batch.frames.flatten(2).any(2)
-    assert empty.tolist() == [[True, True, False, False, False], [False, False, False, True, True]] + [
-        [True, True, False, False, False]
-    ]
+def test_the_true_motion_makes_the_wall_sharp(whole):
+    """All five slices' events of a dot pile up where the dot is in the middle of the stack."""
+    world, batch = whole
+    piled = batch.sharp_voxels[0].expm1().unflatten(0, (15, 2)).sum(0)[:, ABOVE, :54]
+    dots = torch.tensor(world.frames[3, :2, ABOVE].astype(np.float32))
+    torch.testing.assert_close(piled[..., INNER], 5 * dots[..., INNER], atol=0.2, rtol=0)
+
+
+def test_the_second_pass_is_told_what_was_taken_out(whole):
+    world, batch = whole
+    motion = true_motion(world, 3)
+    torch.testing.assert_close(batch.taken_ego[0], torch.tensor(motion.twist[2]))
+    torch.testing.assert_close(batch.taken_depth[0, 0, :9, :13], torch.tensor(1 / motion.inv_depth[:9, :13]))
+    assert batch.taken_depth.shape == (1, 1, 16, 16)
+
+
+def test_events_as_they_come_are_counted_at_half_the_size(whole):
+    world, batch = whole
+    counts = batch.voxels[0].expm1().unflatten(0, (5, 3, 2)).sum((1, 3, 4))
+    expected = world.frames[1:6, :2].astype(np.float32).sum((2, 3))
+    torch.testing.assert_close(counts, torch.tensor(expected), atol=0.01, rtol=1e-3)
 
 
 def test_shapes_and_types_of_a_drawn_batch(samples):
     batch = drawn(samples, 0, events=True)
-    shapes = [tuple(tensor.shape) for tensor in batch[:9]]
-    maps = [(4, channels, 36, 54) for channels in (1, 1, 1, 2, 3)]
-    assert shapes == [(4, 5, 3, 36, 54), (4, 1, 36, 54), (4, 4), *maps, (4, 6)]
-    assert batch.depth_valid.dtype == batch.moving.dtype == torch.bool
-    assert all(tensor.dtype == torch.float32 for tensor in batch[:4])
+    shapes = {name: tuple(value.shape)[1:] for name, value in batch._asdict().items() if name != "events"}
+    assert shapes == {
+        "voxels": (30, 80, 96),
+        "fits": (24, 80, 96),
+        "candidates": (22, 40, 48),
+        "sharp_voxels": (30, 160, 192),
+        "sharp_fits": (24, 80, 96),
+        "taken_ego": (6,),
+        "taken_depth": (1, 40, 48),
+        "rotation": (4,),
+        "valid": (1, 80, 96),
+        "intrinsics": (4,),
+        "depth": (1, 80, 96),
+        "depth_valid": (1, 80, 96),
+        "moving": (1, 80, 96),
+        "flow": (2, 80, 96),
+        "velocity": (3, 80, 96),
+        "ego": (6,),
+    }
+    flags = {"depth_valid", "moving"}
+    for name in shapes:
+        value = getattr(batch, name)
+        assert len(value) == 4
+        assert value.dtype == (torch.bool if name in flags else torch.float32), name
     assert drawn(samples, 0).events is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_small_image_is_padded_with_nothing(seed, samples):
+    batch = drawn(samples, seed)
+    assert batch.valid.sum((1, 2, 3)).tolist() == [18 * 27] * 4
+    assert torch.equal(batch.valid > 0, batch.depth_valid)
+    outside = max_pool2d(batch.valid, 3, 1, 1) == 0  # an event at the border is shared with the pixel beside it
+    assert not (batch.voxels.sum(1, keepdim=True) * outside).any()
+    assert_flow_follows(batch)
+
+
+def test_a_large_image_is_cropped_and_intrinsics_go_along(recording):
+    """Depth that says where a pixel looks, to the right or to the left, says so in every crop."""
+    world = recording(size=(200, 250), slices=3)
+    fx, fy, cx, cy = world.intrinsics
+    row, column = np.mgrid[:200, :250]
+    depth = 1 + np.abs(column - cx) / fx + 3 * np.abs(row - cy) / fy
+    batch = drawn_batch(
+        samples_of([replace(world, depth=np.stack([depth] * 3).astype(np.float16))]), 12, np.random.default_rng(0)
+    )
+    assert batch.depth_valid.all() and batch.valid.all()
+    x, y = half_grid(batch).abs().split(1, dim=1)
+    torch.testing.assert_close(batch.depth, 1 + x + 3 * y, atol=0.02, rtol=0)
+    assert len({tuple(row) for row in batch.intrinsics[:, 2:].tolist()}) > 8
 
 
 def test_a_batch_depends_on_its_generator_alone(samples):
     one, same, other = (drawn(samples, seed, events=True) for seed in (5, 5, 6))
-    assert all(torch.equal(a, b) for a, b in zip((*one[:9], *one.events), (*same[:9], *same.events), strict=True))
-    assert not torch.equal(one.frames, other.frames)
+    assert all(torch.equal(a, b) for a, b in zip((*one[:16], *one.events), (*same[:16], *same.events), strict=True))
+    assert not torch.equal(one.voxels, other.voxels)
 
 
-def test_events_lie_where_the_frame_counts_are(samples):
-    for seed in range(12):  # mirrored, or with polarities exchanged, or as they are
+def test_events_are_those_of_the_middle_slice(samples):
+    for seed in range(6):
         batch = drawn(samples, seed, events=True)
-        counted = torch.zeros(4, 2, 36, 54)
+        counted = batch.voxels[:, 12:18].expm1().unflatten(1, (3, 2)).sum((1, 3, 4))
         number, x, y, t, positive = batch.events
-        at = (number, (~positive).long(), y.long(), x.long())
-        counted.index_put_(at, torch.ones(len(x)), accumulate=True)
-        assert torch.equal(counted, batch.frames[:, 2, :2])
-        assert t.abs().max() < 0.012501
+        counts = torch.zeros(4, 2).index_put((number, (~positive).long()), torch.ones(len(x)), accumulate=True)
+        torch.testing.assert_close(counts, counted, atol=0.01, rtol=1e-3)
+        assert 0.012 < t.abs().max() < 0.012501
+        assert batch.depth_valid[number, 0, (y / 2).long(), (x / 2).long()].all()
 
 
-def test_every_augmentation_is_drawn(samples):
-    batches = [drawn(samples, seed) for seed in range(40)]
-    centres = {tuple(row) for batch in batches for row in batch.intrinsics[:, 2:].tolist()}
-    assert len(centres) == 2  # left-right; the principal point's row is in the middle
-    directions = {float(torch.sign(batch.ego[0, 0])) for batch in batches}
-    assert directions == {-1.0, 1.0}
-
-
-def test_dropped_outer_slices_are_zero_frames(samples):
-    inner = replace(samples, index=samples.index[np.isin(samples.index[:, 1], (2, 3, 4))])  # those have all neighbours
+def test_dropped_outer_slices_have_no_events(recording):
+    world, rng = recording(), np.random.default_rng(0)
     patterns = []
-    for seed in range(60):
-        full = drawn(inner, seed).frames.flatten(2).any(2)
-        patterns += [tuple(row) for row in full.int().tolist()]
-    share = 1 - patterns.count((1, 1, 1, 1, 1)) / len(patterns)
-    assert set(patterns) == {(1, 1, 1, 1, 1), (0, 1, 1, 1, 0), (0, 0, 1, 0, 0)}
-    assert share == pytest.approx(0.2, abs=0.1)
+    for _ in range(150):
+        voxels = drawn_sample(world, 3, rng)[0]
+        patterns.append("".join("01"[int(each.any())] for each in voxels.reshape(5, -1)))
+    assert set(patterns) == {"11111", "01110", "00100"}
+    assert 1 - patterns.count("11111") / len(patterns) == pytest.approx(0.15, abs=0.08)
+
+
+def test_some_samples_know_their_rotation(recording):
+    world = recording()
+    world.ego[:, 3:] = 0.9, -0.6, 0.7
+    batch = drawn_batch(samples_of([world]), 120, np.random.default_rng(0))
+    known = batch.rotation[:, 3] == 1
+    assert known.float().mean().item() == pytest.approx(0.3, abs=0.12)
+    assert not batch.rotation[~known].any()
+    error = batch.rotation[known, :3] * 40 - batch.ego[known, 3:]
+    assert error.square().mean().sqrt().item() == pytest.approx(0.02, rel=0.3)
+
+
+def test_without_errors_what_is_taken_out_is_the_truth_in_every_orientation(samples, monkeypatch):
+    monkeypatch.setattr(disturbance, "LEVELS", (1e-6, 1e-6))
+    monkeypatch.setattr(disturbance, "FLAT", 0)
+    for seed in range(6):
+        batch = drawn(samples, seed)
+        # The wall is 2 m away: the camera's speed in mean depths, at the wall's depth, is its speed in the wall's.
+        wall = (batch.taken_depth * 0.999).flatten(1).amax(1)
+        taken = batch.taken_ego[:, :3] / wall[:, None] * 2
+        torch.testing.assert_close(taken * 40, batch.ego[:, :3], rtol=0.01, atol=1e-5)

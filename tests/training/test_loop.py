@@ -1,3 +1,4 @@
+from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
@@ -6,6 +7,7 @@ import torch
 
 from evimo.errors import BadFile, BadInput
 from evimo.model.checkpoint import load_model, load_tensors
+from evimo.training import loop as module
 from evimo.training.config import TrainConfig
 from evimo.training.data import samples_of
 from evimo.training.loop import MODEL, STATE, Trainer
@@ -35,14 +37,16 @@ def trained(trainer, *, stop_after=None):
 
 
 @pytest.fixture
-def small(recording):
-    return [samples_of([recording(size=(18, 36), slices=4)])]
+def small(recording, small_crops):
+    return samples_of([recording(slices=4)])
 
 
-def test_a_stopped_run_goes_on_exactly(small, tiny, tmp_path):
-    at_once = trained(Trainer(tiny(), CONFIG, small, tmp_path / "once"))
-    first = trained(Trainer(tiny(), CONFIG, small, tmp_path / "twice"), stop_after=3)
-    again = Trainer(tiny(7), CONFIG, small, tmp_path / "twice")  # other first weights: the checkpoint's count
+@pytest.mark.parametrize("bfloat16", [True, False])
+def test_a_stopped_run_goes_on_exactly(bfloat16, small, tiny, tmp_path):
+    config = replace(CONFIG, bfloat16=bfloat16)
+    at_once = trained(Trainer(tiny(), config, small, tmp_path / "once"))
+    first = trained(Trainer(tiny(), config, small, tmp_path / "twice"), stop_after=3)
+    again = Trainer(tiny(7), config, small, tmp_path / "twice")  # other first weights: the checkpoint's count
     assert again.resume()
     assert again.samples_seen == 6
     assert first + trained(again) == at_once
@@ -86,18 +90,74 @@ def test_an_unknown_recipe(small, tiny, tmp_path):
         Trainer(tiny(), replace(CONFIG, recipe="soup"), small, tmp_path)
 
 
-def test_one_sick_sample_does_not_spoil_the_run(recording, tiny, tmp_path):
-    sick = replace(recording(size=(18, 36), slices=4), ego=np.full((4, 6), np.nan, np.float32))
-    trainer = Trainer(tiny(), replace(CONFIG, steps=1), [samples_of([sick])], tmp_path)
+def test_one_sick_sample_does_not_spoil_the_run(recording, small_crops, tiny, tmp_path):
+    sick = replace(recording(slices=4), ego=np.full((4, 6), np.nan, np.float32))
+    trainer = Trainer(tiny(), replace(CONFIG, steps=1), samples_of([sick]), tmp_path)
     before = {name: value.clone() for name, value in trainer.model.state_dict().items()}
-    trained(trainer)
+    ((_, loss),) = trained(trainer)
+    assert np.isnan(loss)
     assert all(torch.equal(before[name], value) for name, value in trainer.model.state_dict().items())
 
 
-def test_recordings_of_several_sizes_are_drawn_by_their_number_of_samples(recording, tiny, tmp_path):
-    groups = [samples_of([recording(size=(18, 36), slices=1)]), samples_of([recording(size=(36, 18), slices=9)])]
-    trainer = Trainer(tiny(), CONFIG, groups, tmp_path)
-    wide = 0
-    for trainer.step in range(100):
-        wide += trainer._batch().valid.shape[-1] == 36
-    assert 2 <= wide <= 25
+class AtOnce:
+    """An executor that does what it is asked in the caller's own thread."""
+
+    def __init__(self, workers):
+        assert workers == 1
+
+    def submit(self, call, *arguments):
+        future = Future()
+        future.set_result(call(*arguments))
+        return future
+
+    def shutdown(self, *, cancel_futures):
+        assert cancel_futures
+
+
+def test_drawing_beside_the_learning_changes_nothing(small, tiny, tmp_path, monkeypatch):
+    beside = trained(Trainer(tiny(), CONFIG, small, tmp_path / "beside"))
+    monkeypatch.setattr(module, "ThreadPoolExecutor", AtOnce)
+    assert trained(Trainer(tiny(), CONFIG, small, tmp_path / "alone")) == beside
+
+
+def test_batches_differ_by_seed_and_step(small, tiny, tmp_path):
+    losses = [
+        loss
+        for seed in (0, 1)
+        for _, loss in trained(
+            Trainer(tiny(), replace(CONFIG, seed=seed, learning_rate=0.0, steps=2), small, tmp_path / str(seed))
+        )
+    ]
+    assert len(set(losses)) == 4
+
+
+@pytest.fixture
+def rates(small, tiny, tmp_path, monkeypatch):
+    """Learning rates, as shares of the highest, of the steps of a run that learns next to nothing."""
+
+    def of_run(begin=0, **config):
+        monkeypatch.setattr(module, "objective", lambda model, *_: (next(model.parameters()).sum(), {}))
+        config = TrainConfig(batch=1, learning_rate=0.01, bfloat16=False, save_every=10**9, **config)
+        trainer = Trainer(tiny(), config, small, tmp_path)
+        trainer.step = begin
+        found = []
+        trainer.run(lambda *_: found.append(trainer.optimizer.param_groups[0]["lr"] / 0.01))
+        return found
+
+    return of_run
+
+
+def test_the_learning_rate_falls_by_half_a_cosine(rates):
+    """From 1 to 1 %: three quarters of the way down at the cosine's -1/2, half at 0, a quarter at 1/2."""
+    found = rates(steps=12, warm_up=1)
+    assert [found[k] for k in (0, 4, 6, 8)] == pytest.approx([1, 0.7525, 0.505, 0.2575])
+    assert (np.diff(found) < 0).all()
+
+
+def test_the_learning_rate_rises_evenly_at_first(rates):
+    falling, rising = rates(steps=10, warm_up=1), rates(steps=10, warm_up=4)
+    assert np.divide(rising, falling).tolist() == pytest.approx([0.25, 0.5, 0.75] + [1] * 7)
+
+
+def test_the_last_step_learns_at_one_percent(rates):
+    assert rates(steps=2000, warm_up=100, begin=1999) == pytest.approx([0.01], rel=1e-3)

@@ -1,39 +1,56 @@
 import csv
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from evimo.errors import NotFound
+from evimo.errors import BadFile, NotFound
 from evimo.training import start as module
 from evimo.training.config import TrainConfig
-from evimo.training.start import log_rows, sample_groups, start
+from evimo.training.start import log_rows, start, training_samples
 
 
 @pytest.fixture
-def on_disk(monkeypatch, recording, tmp_path):
-    """Folders whose prepared recordings are known worlds of two sizes."""
-    worlds = {}
-    for name, size in (("a", (18, 36)), ("b", (36, 18)), ("c", (18, 36))):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "dataset_sim.npz").touch()
-        worlds[tmp_path / name] = recording(size=size, slices=3)
-    monkeypatch.setattr(module, "prepare", lambda folder: folder)
-    monkeypatch.setattr(module, "open_prepared", worlds.__getitem__)
-    return tmp_path
+def on_disk(monkeypatch, recording, without_events, small_crops, tmp_path):
+    """Makes folders whose prepared recordings are known worlds of two sizes, or without events."""
+
+    def made(dark=()):
+        worlds = {}
+        for name, size in (("a", (18, 36)), ("b", (36, 18)), ("c", (18, 36))):
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "dataset_sim.npz").touch()
+            world = recording(size=size, slices=3)
+            worlds[tmp_path / name] = without_events(world) if name in dark else world
+        monkeypatch.setattr(module, "prepare", lambda folder: folder)
+        monkeypatch.setattr(module, "open_prepared", worlds.__getitem__)
+        return [tmp_path]
+
+    return made
 
 
-def test_samples_are_grouped_by_the_size_of_their_images(on_disk):
+def test_samples_are_all_slices_of_all_recordings_of_any_size(on_disk):
     told = []
-    groups = sample_groups([on_disk], lambda *progress: told.append(progress))
-    assert sorted((group.recordings[0].valid.shape, len(group)) for group in groups) == [((18, 36), 6), ((36, 18), 3)]
+    samples = training_samples(on_disk(), lambda *progress: told.append(progress))
+    assert [each.valid.shape for each in samples.recordings] == [(18, 36), (36, 18), (18, 36)]
+    assert np.bincount(samples.index[:, 0]).tolist() == [3, 3, 3]
     assert told == [(1, 3), (2, 3), (3, 3)]
 
 
+def test_recordings_without_events_are_left_out(on_disk):
+    samples = training_samples(on_disk(dark="ac"), lambda *_: None)
+    assert samples.index.tolist() == [[1, 0], [1, 1], [1, 2]]
+
+
+def test_nothing_but_recordings_without_events(on_disk):
+    with pytest.raises(BadFile, match="an event"):
+        training_samples(on_disk(dark="abc"), lambda *_: None)
+
+
 def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path):
-    config = TrainConfig(steps=1, batch=1)
+    config, data = TrainConfig(steps=1, batch=1), on_disk()
 
     def started(config):
-        return start([on_disk], "tiny", config, tmp_path / "run", progress=lambda *_: None)
+        return start(data, "tiny", config, tmp_path / "run", progress=lambda *_: None)
 
     one, same, other = started(config), started(config), started(replace(config, seed=1))
     weights = [next(iter(trainer.model.parameters())) for trainer in (one, same, other)]
@@ -49,7 +66,7 @@ def test_a_wrong_preset_is_said_before_anything_is_prepared(tmp_path):
 
 def test_an_empty_folder(tmp_path):
     with pytest.raises(NotFound, match="evimo simulate"):
-        sample_groups([tmp_path], lambda *_: None)
+        training_samples([tmp_path], lambda *_: None)
 
 
 def test_the_log_goes_on_under_one_header(tmp_path):
@@ -67,7 +84,7 @@ def test_more_recordings_than_files_may_be_open(monkeypatch, on_disk):
         pytest.skip("the hard limit is too low to be raised")
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits[1]))
-        sample_groups([on_disk], lambda *_: None)
+        training_samples(on_disk(), lambda *_: None)
         assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] > 512
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
