@@ -9,7 +9,7 @@ from evimo.geometry.camera import Camera
 from evimo.recordings import prepared as module
 from evimo.recordings.prepared import open_prepared, prepare, recording_folders
 from evimo.recordings.recording import open_recording
-from evimo.recordings.truth import ObjectTruth, Truth
+from evimo.recordings.truth import ObjectTruth
 from evimo.recordings.writer import RecordingWriter
 from evimo.simulate.recording import simulate_recording
 
@@ -105,28 +105,22 @@ def test_what_moves_is_what_has_a_speed(opened):
 
 
 @pytest.mark.parametrize(
-    ("velocity", "rotation", "moves"),
-    [
-        ((0.0299, 0, 0), (0, 0, 0), False),
-        ((0.0301, 0, 0), (0, 0, 0), True),
-        ((0, -0.018, 0.0239), (0, 0, 0), False),  # 29.9 mm/s in all
-        ((0, -0.018, 0.0241), (0, 0, 0), True),
-        ((0, 0, 0), (0, np.deg2rad(9.7), 0), False),
-        ((0, 0, 0), (0, np.deg2rad(10), 0), True),
-        ((0.0299, 0, 0), (0, 0, np.deg2rad(9.7)), False),  # neither is enough
-        ((0.001, 0, 0), (np.deg2rad(-10), 0, 0), True),
-    ],
+    ("cm_per_s", "degrees_per_s", "moves"), [(2.9, 0, False), (3.1, 0, True), (0, 9.5, False), (0, 10.5, True)]
 )
-def test_an_object_moves_from_3_cm_or_10_degrees_per_second(velocity, rotation, moves, pieces, tmp_path):
+def test_what_is_slower_than_3_cm_or_10_degrees_per_second_rests(cm_per_s, degrees_per_s, moves, simulated, tmp_path):
+    """Its velocity then counts as nothing, too."""
+    recording = open_recording(simulated(PINHOLE))
+    velocity = np.array((0.6, 0, -0.8)) * cm_per_s / 100
+    moved = ObjectTruth(np.array((0, 0, 1.0)), velocity, np.deg2rad((0, degrees_per_s, 0)))
+    ids = np.zeros(SIZE, np.uint8)
+    ids[10:20, 10:30] = 5
     with RecordingWriter(tmp_path / "recording", PINHOLE) as writer:
-        ids = np.zeros(SIZE, np.uint8)
-        ids[10:20, 10:30] = 1
-        motion = ObjectTruth(np.array((0, 0, 1.0)), np.array(velocity, float), np.array(rotation, float))
-        truth = Truth(12_500, np.full(SIZE, 2, np.float32), ids >= 0, ids, ids > 1, np.zeros(6), {1: motion})
-        writer.write(pieces[0][0], truth)
+        for packet in recording.events.packets():
+            writer.write(packet, replace(recording.truth(0), ids=ids, objects={5: moved}))
+            break
     prepared = open_prepared(prepare(tmp_path / "recording"))
-    np.testing.assert_array_equal(prepared.moving[0], (ids == 1) & moves)
-    np.testing.assert_allclose(prepared.velocity[0, 1], np.array(velocity) * moves, atol=1e-7)
+    np.testing.assert_array_equal(prepared.moving[0], (ids == 5) & moves)
+    np.testing.assert_allclose(prepared.velocity[0, 5], velocity * moves, atol=1e-6)
 
 
 def rectified_by_opencv(intrinsics, xy):

@@ -1,3 +1,4 @@
+from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -41,10 +42,12 @@ def small(recording, small_crops):
     return samples_of([recording(slices=4)])
 
 
-def test_a_stopped_run_goes_on_exactly(small, tiny, tmp_path):
-    at_once = trained(Trainer(tiny(), CONFIG, small, tmp_path / "once"))
-    first = trained(Trainer(tiny(), CONFIG, small, tmp_path / "twice"), stop_after=3)
-    again = Trainer(tiny(7), CONFIG, small, tmp_path / "twice")  # other first weights: the checkpoint's count
+@pytest.mark.parametrize("bfloat16", [True, False])
+def test_a_stopped_run_goes_on_exactly(bfloat16, small, tiny, tmp_path):
+    config = replace(CONFIG, bfloat16=bfloat16)
+    at_once = trained(Trainer(tiny(), config, small, tmp_path / "once"))
+    first = trained(Trainer(tiny(), config, small, tmp_path / "twice"), stop_after=3)
+    again = Trainer(tiny(7), config, small, tmp_path / "twice")  # other first weights: the checkpoint's count
     assert again.resume()
     assert again.samples_seen == 6
     assert first + trained(again) == at_once
@@ -92,53 +95,70 @@ def test_one_sick_sample_does_not_spoil_the_run(recording, small_crops, tiny, tm
     sick = replace(recording(slices=4), ego=np.full((4, 6), np.nan, np.float32))
     trainer = Trainer(tiny(), replace(CONFIG, steps=1), samples_of([sick]), tmp_path)
     before = {name: value.clone() for name, value in trainer.model.state_dict().items()}
-    trained(trainer)
+    ((_, loss),) = trained(trainer)
+    assert np.isnan(loss)
     assert all(torch.equal(before[name], value) for name, value in trainer.model.state_dict().items())
 
 
+class AtOnce:
+    """An executor that does what it is asked in the caller's own thread."""
+
+    def __init__(self, workers):
+        assert workers == 1
+
+    def submit(self, call, *arguments):
+        future = Future()
+        future.set_result(call(*arguments))
+        return future
+
+    def shutdown(self, *, cancel_futures):
+        assert cancel_futures
+
+
+def test_drawing_beside_the_learning_changes_nothing(small, tiny, tmp_path, monkeypatch):
+    beside = trained(Trainer(tiny(), CONFIG, small, tmp_path / "beside"))
+    monkeypatch.setattr(module, "ThreadPoolExecutor", AtOnce)
+    assert trained(Trainer(tiny(), CONFIG, small, tmp_path / "alone")) == beside
+
+
+def test_batches_differ_by_seed_and_step(small, tiny, tmp_path):
+    losses = [
+        loss
+        for seed in (0, 1)
+        for _, loss in trained(
+            Trainer(tiny(), replace(CONFIG, seed=seed, learning_rate=0.0, steps=2), small, tmp_path / str(seed))
+        )
+    ]
+    assert len(set(losses)) == 4
+
+
 @pytest.fixture
-def bare(monkeypatch, small, tiny, tmp_path):
-    """Trains without batches or losses, and returns what `note(trainer, batch)` says at each step."""
+def rates(small, tiny, tmp_path, monkeypatch):
+    """Learning rates, as shares of the highest, of the steps of a run that learns next to nothing."""
 
-    def run(config, note):
+    def of_run(begin=0, **config):
+        monkeypatch.setattr(module, "objective", lambda model, *_: (next(model.parameters()).sum(), {}))
+        config = TrainConfig(batch=1, learning_rate=0.01, bfloat16=False, save_every=10**9, **config)
         trainer = Trainer(tiny(), config, small, tmp_path)
-        noted = []
+        trainer.step = begin
+        found = []
+        trainer.run(lambda *_: found.append(trainer.optimizer.param_groups[0]["lr"] / 0.01))
+        return found
 
-        def objective(model, batch, recipe):
-            noted.append(note(trainer, batch))
-            return sum(0 * value.sum() for value in model.parameters()), {}
-
-        monkeypatch.setattr(module, "objective", objective)
-        trained(trainer)
-        return noted
-
-    return run
+    return of_run
 
 
-def test_batches_drawn_ahead_are_those_of_their_steps(bare, small):
-    """By the seed and the step alone, whatever is drawn when."""
-    noted = bare(CONFIG, lambda trainer, batch: (trainer.step, batch))
-    assert [step for step, _ in noted] == list(range(6))
-    for step, batch in noted[::-1]:
-        again = module.drawn_batch(small, 2, np.random.default_rng((CONFIG.seed, step)))
-        assert all(torch.equal(one, other) for one, other in zip(batch[:15], again[:15], strict=True))
+def test_the_learning_rate_falls_by_half_a_cosine(rates):
+    """From 1 to 1 %: three quarters of the way down at the cosine's -1/2, half at 0, a quarter at 1/2."""
+    found = rates(steps=12, warm_up=1)
+    assert [found[k] for k in (0, 4, 6, 8)] == pytest.approx([1, 0.7525, 0.505, 0.2575])
+    assert (np.diff(found) < 0).all()
 
 
-@pytest.mark.parametrize(("recipe", "wanted"), [("shipped", False), ("paper", True)])
-def test_events_come_along_where_a_loss_wants_them(bare, recipe, wanted):
-    noted = bare(replace(CONFIG, recipe=recipe, steps=1), lambda trainer, batch: batch.events is not None)
-    assert noted == [wanted]
+def test_the_learning_rate_rises_evenly_at_first(rates):
+    falling, rising = rates(steps=10, warm_up=1), rates(steps=10, warm_up=4)
+    assert np.divide(rising, falling).tolist() == pytest.approx([0.25, 0.5, 0.75] + [1] * 7)
 
 
-def test_the_learning_rate_rises_then_falls_by_half_a_cosine_to_a_hundredth(bare, monkeypatch):
-    still = SimpleNamespace(to=lambda device: still)
-    monkeypatch.setattr(module, "drawn_batch", lambda *_, **__: still)
-    config = replace(CONFIG, steps=400, warm_up=10, learning_rate=0.002, save_every=1000)
-    noted = bare(config, lambda trainer, batch: trainer.optimizer.param_groups[0]["lr"] / 0.002)
-    assert noted[:10] == pytest.approx([k / 10 for k in range(1, 11)], rel=2e-3)  # the cosine is flat there
-    assert max(noted) == pytest.approx(1, abs=2e-3) and noted.index(max(noted)) == 9
-    assert noted[9:] == sorted(noted[9:], reverse=True)
-    assert noted[200] == pytest.approx((1 + 0.01) / 2)  # half way
-    third = 400 // 3  # where a cosine is 1/2
-    assert noted[third] == pytest.approx(0.01 + 0.99 * 0.75, abs=3e-3)
-    assert noted[-1] == pytest.approx(0.01, abs=1e-4)
+def test_the_last_step_learns_at_one_percent(rates):
+    assert rates(steps=2000, warm_up=100, begin=1999) == pytest.approx([0.01], rel=1e-3)

@@ -10,49 +10,47 @@ from evimo.training.config import TrainConfig
 from evimo.training.start import log_rows, start, training_samples
 
 
-def without_events(world):
-    none = {name: getattr(world, name)[:0] for name in ("event_xy", "event_t", "event_on")}
-    return replace(world, **none, event_first=np.zeros(len(world) + 1, np.int64))
-
-
 @pytest.fixture
-def on_disk(monkeypatch, recording, small_crops, tmp_path):
-    """Folders whose prepared recordings are known worlds of two sizes; the third is without any event."""
-    worlds = {}
-    for name, size in (("a", (32, 64)), ("b", (48, 64)), ("c", (32, 64))):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "dataset_sim.npz").touch()
-        worlds[tmp_path / name] = recording(size=size, slices=3)
-    worlds[tmp_path / "c"] = without_events(worlds[tmp_path / "c"])
-    monkeypatch.setattr(module, "prepare", lambda folder: folder)
-    monkeypatch.setattr(module, "open_prepared", worlds.__getitem__)
-    return tmp_path
+def on_disk(monkeypatch, recording, without_events, small_crops, tmp_path):
+    """Makes folders whose prepared recordings are known worlds of two sizes, or without events."""
+
+    def made(dark=()):
+        worlds = {}
+        for name, size in (("a", (18, 36)), ("b", (36, 18)), ("c", (18, 36))):
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "dataset_sim.npz").touch()
+            world = recording(size=size, slices=3)
+            worlds[tmp_path / name] = without_events(world) if name in dark else world
+        monkeypatch.setattr(module, "prepare", lambda folder: folder)
+        monkeypatch.setattr(module, "open_prepared", worlds.__getitem__)
+        return [tmp_path]
+
+    return made
 
 
-def test_samples_are_of_all_recordings_with_events(on_disk):
+def test_samples_are_all_slices_of_all_recordings_of_any_size(on_disk):
     told = []
-    samples = training_samples([on_disk], lambda *progress: told.append(progress))
-    assert samples.index.tolist() == [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]
+    samples = training_samples(on_disk(), lambda *progress: told.append(progress))
+    assert [each.valid.shape for each in samples.recordings] == [(18, 36), (36, 18), (18, 36)]
+    assert np.bincount(samples.index[:, 0]).tolist() == [3, 3, 3]
     assert told == [(1, 3), (2, 3), (3, 3)]
 
 
-def test_recordings_without_any_event_are_one_clear_error(on_disk):
-    with pytest.raises(BadFile, match="no recording has a slice with truth and an event"):
-        training_samples([on_disk / "c"], lambda *_: None)
+def test_recordings_without_events_are_left_out(on_disk):
+    samples = training_samples(on_disk(dark="ac"), lambda *_: None)
+    assert samples.index.tolist() == [[1, 0], [1, 1], [1, 2]]
 
 
-def test_training_does_not_stop_on_a_recording_without_events(on_disk, tmp_path):
-    trainer = start([on_disk], "tiny", TrainConfig(steps=3, batch=4), tmp_path / "run", progress=lambda *_: None)
-    steps = []
-    trainer.run(lambda step, terms: steps.append((step, np.isfinite(terms["loss"]))))
-    assert steps == [(1, True), (2, True), (3, True)]
+def test_nothing_but_recordings_without_events(on_disk):
+    with pytest.raises(BadFile, match="an event"):
+        training_samples(on_disk(dark="abc"), lambda *_: None)
 
 
 def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path):
-    config = TrainConfig(steps=1, batch=1)
+    config, data = TrainConfig(steps=1, batch=1), on_disk()
 
     def started(config):
-        return start([on_disk], "tiny", config, tmp_path / "run", progress=lambda *_: None)
+        return start(data, "tiny", config, tmp_path / "run", progress=lambda *_: None)
 
     one, same, other = started(config), started(config), started(replace(config, seed=1))
     weights = [next(iter(trainer.model.parameters())) for trainer in (one, same, other)]
@@ -86,7 +84,7 @@ def test_more_recordings_than_files_may_be_open(monkeypatch, on_disk):
         pytest.skip("the hard limit is too low to be raised")
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits[1]))
-        training_samples([on_disk], lambda *_: None)
+        training_samples(on_disk(), lambda *_: None)
         assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] > 512
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)

@@ -1,118 +1,104 @@
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-from evimo.events.stack import StaticMotion
-from evimo.model.first_pass import FirstAnswer
+from evimo.geometry.grids import resized_intrinsics
 from evimo.model.motion_net import Prediction
-from evimo.training.data import whole_batch
 from evimo.training.validation import validated
 
-SIZE = (32, 64)
-WALL_M, BOX_M, BOX = 2.0, 1.0, (slice(8, 24), slice(16, 32))
+SHARES = ("flow", "first_static_flow", "rotation", "translation")
+
+
+def perfect(world, middle, *, mixture=None):
+    """A second pass that knows a slice's truth, or all but its mixture."""
+
+    def second(voxels, fits, valid, taken, intrinsics, rotation):
+        height, width = valid.shape[-2:]
+
+        def padded(values):
+            image = np.zeros((1, len(values), height, width), np.float32)
+            inside = values[:, 1::2, 1::2]
+            image[0, :, : inside.shape[1], : inside.shape[2]] = inside
+            return torch.from_numpy(image)
+
+        moving = padded(world.moving[middle][None])
+        depth = world.depth[middle].astype(np.float32)
+        mean = depth[1::2, 1::2].mean()
+        ego = torch.tensor(world.ego[middle])[None] / torch.tensor([mean] * 3 + [1.0] * 3)
+        shares = torch.cat((1 - moving, moving), dim=1) if mixture is None else mixture(moving)
+        flow = padded(world.flow[middle])
+        scale = resized_intrinsics(intrinsics, (2, 2), (1, 1))
+        return [Prediction(padded(depth[None]) / mean, ego, torch.zeros(1, 1, 3), shares, flow, flow, scale, valid)]
+
+    return second
 
 
 @pytest.fixture
-def world(recording):
-    """A wall that flows, and a box that keeps its place in the image: the truth is the same in every slice."""
-    made = recording(size=SIZE, slices=8)
-    box = np.zeros((8, *SIZE), bool)
-    box[:, *BOX] = True
-    flow = np.zeros((8, 2, *SIZE), np.float16)
-    flow[:, 0] = np.where(box, 0, 0.5)
-    ego = np.tile(np.array((-1, 0.5, 0, 0.1, 0, 0.2), np.float32), (8, 1))
-    depth = np.where(box, BOX_M, WALL_M).astype(np.float16)
-    return replace(made, depth=depth, moving=box, ids=box.astype(np.uint8), flow=flow, ego=ego)
+def scores(tiny, monkeypatch):
+    """Scores of a model whose second pass is another."""
+
+    def of_second(second, world, **how):
+        model = tiny().eval()
+        monkeypatch.setattr(model, "second", second)
+        return validated(model, [world], **how)
+
+    return of_second
 
 
-def oracle(world, *, called=None, share=1.0):
-    """A stub that knows the world: `called` (h, w) is where it says that something moves, `share` what of all motion."""
-    truth = whole_batch(world, [0], [motion_of_nothing(world)], 32)
-    mean = truth.depth.mean()
-    called = truth.moving[0, 0] if called is None else called
-    ego = truth.ego / torch.tensor([mean, mean, mean, 1, 1, 1]) * share
-    to_px = truth.intrinsics[:, :2, None, None] / 40
-    asked = []
-
-    def first(voxels, fits, valid, intrinsics, rotation):
-        asked.append(rotation)
-        rigid = torch.tensor([0.5, 0]).view(1, 2, 1, 1).expand(1, 2, 8, 16) * to_px * share
-        depth = (truth.depth / mean)[..., ::2, ::2]
-        return FirstAnswer(depth, ego / 40, truth.flow[..., ::2, ::2] * to_px, rigid, valid[..., ::2, ::2])
-
-    def second(voxels, fits, valid, taken, intrinsics, rotation):
-        background = (~called)[None, None].float()
-        mixture = torch.cat((background, 1 - background), dim=1)
-        flow = truth.flow * share
-        return [Prediction(truth.depth / mean, ego, torch.zeros(1, 1, 3), mixture, flow, flow, intrinsics, valid)]
-
-    return SimpleNamespace(config=SimpleNamespace(stride=32), first=first, second=second, asked=asked)
+def test_an_untrained_model_has_finite_scores(recording, tiny, without_events):
+    worlds = [recording(slices=6), recording(slices=6, seed=1, with_box=False), without_events(recording())]
+    for world in worlds:
+        world.ego[:, 4] = 0.2
+    found = validated(tiny().eval(), worlds, every=1)
+    assert np.isfinite(list(found.values())).all()
+    for name in ("iou", "event_iou", "alarms"):
+        assert 0 <= found[name] <= 1
+    assert all(found[name] > 0.01 for name in SHARES)
 
 
-def motion_of_nothing(world):
-    return StaticMotion(np.zeros((5, 6), np.float32), np.ones((1, 1), np.float32), 1024, world.intrinsics)
+def test_the_truth_has_the_best_scores(recording, scores):
+    world = recording(slices=5)  # one of which is scored
+    found = scores(perfect(world, 2), world, oracle=True)
+    assert found["iou"] == found["event_iou"] == 1
+    assert found["flow"] < 1e-3 and found["translation"] < 1e-3
+    assert np.isnan(found["alarms"]) and np.isnan(found["rotation"])  # something moves always; nothing turns
 
 
-@pytest.mark.parametrize("oracle_compensation", [False, True])
-def test_who_knows_the_truth_is_right(world, oracle_compensation):
-    scores = validated(oracle(world), [world], every=1, oracle=oracle_compensation)
-    assert scores["iou"] == scores["event_iou"] == 1
-    assert np.isnan(scores["alarms"])  # something moves in every slice
-    for name in ("flow", "rotation", "translation"):
-        assert scores[name] == pytest.approx(0, abs=1e-3)
-    if not oracle_compensation:
-        assert scores["first_static_flow"] == pytest.approx(0, abs=1e-3)
+@pytest.mark.parametrize(("called", "alarms"), [(0.0, 0.0), (1.0, 1.0)])
+def test_alarms_are_the_events_called_moving_where_nothing_moves(called, alarms, recording, scores):
+    world = recording(slices=5, with_box=False)
+
+    def mixture(moving):
+        return torch.cat((0 * moving + 1 - called, 0 * moving + called), dim=1)
+
+    found = scores(perfect(world, 2, mixture=mixture), world, oracle=True)
+    assert found["alarms"] == pytest.approx(alarms)
+    assert np.isnan(found["iou"])
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5])
-def test_errors_are_shares_of_those_of_zero_motion(world, share):
-    scores = validated(oracle(world, share=share), [world], every=1)
-    for name in ("flow", "rotation", "translation"):
-        assert scores[name] == pytest.approx(1 - share, rel=1e-3)
+def test_called_half_of_what_moves(recording, scores):
+    """The upper half of the box: 6 of its 12 rows."""
+    world = recording(slices=5)
+
+    def mixture(moving):
+        upper = moving * (torch.arange(moving.shape[2]) < 9)[:, None]
+        return torch.cat((1 - upper, upper), dim=1)
+
+    found = scores(perfect(world, 2, mixture=mixture), world, oracle=True)
+    assert found["iou"] == pytest.approx(0.5)
+    assert found["event_iou"] == pytest.approx(0.5, abs=0.1)
 
 
-def test_half_the_box_is_half_the_iou(world):
-    called = torch.zeros(16, 32, dtype=torch.bool)
-    called[4:12, 8:12] = True
-    scores = validated(oracle(world, called=called), [world], every=1)
-    assert scores["iou"] == pytest.approx(0.5)
-    assert scores["event_iou"] == pytest.approx(0.5, abs=0.1)  # dots are spread at random
+def test_the_oracles_static_flow_is_the_truth_where_nothing_moves(recording, scores):
+    world = recording(slices=5, with_box=False)
+    assert scores(perfect(world, 2), world, oracle=True)["first_static_flow"] < 1e-3
+    assert scores(perfect(world, 2), world)["first_static_flow"] > 0.01  # of an untrained first pass
 
 
-def test_alarms_are_the_share_of_events_where_nothing_moves(world):
-    still = replace(world, moving=np.zeros_like(world.moving))
-    called = torch.zeros(16, 32, dtype=torch.bool)
-    called[:4] = True
-    scores = validated(oracle(still, called=called), [still], every=1)
-    assert scores["alarms"] == pytest.approx(0.25, abs=0.05)
-    assert np.isnan(scores["iou"])
-    assert scores["event_iou"] == 0
-
-
-def test_frames_count_alike_and_events_are_pooled(world):
-    still = replace(world, moving=np.zeros_like(world.moving))
-    called = torch.zeros(16, 32, dtype=torch.bool)
-    called[4:12, 8:16] = True
-    scores = validated(oracle(world, called=called), [world, still], every=1)
-    assert scores["iou"] == 1
-    assert scores["event_iou"] == pytest.approx(0.5, abs=1e-6)  # the other half is called in vain
-
-
-def test_slices_at_the_ends_are_not_scored_and_recordings_without_events_neither(world, recording):
-    model = oracle(world)
-    validated(model, [world], every=2)
-    assert len(model.asked) == 7  # slices 2 and 4, each with two neighbours to both sides: 0...6
-    none = {name: getattr(world, name)[:0] for name in ("event_xy", "event_t", "event_on")}
-    silent = replace(world, **none, event_first=np.zeros(9, np.int64))
-    assert all(np.isnan(value) for value in validated(oracle(world), [silent]).values())
-
-
-@pytest.mark.parametrize("gyroscope", [False, True])
-def test_a_gyroscope_tells_the_true_rotation(world, gyroscope):
-    model = oracle(world)
-    validated(model, [world], gyroscope=gyroscope)
-    expected = torch.tensor([[0.1 / 40, 0, 0.2 / 40, 1]]) * gyroscope
-    assert all(torch.allclose(rotation, expected) for rotation in model.asked)
+def test_a_gyroscope_says_the_rotation(recording, tiny):
+    world = recording(slices=5)
+    world = replace(world, ego=world.ego + np.array((0, 0, 0, 0.3, -0.8, 0.5), np.float32))
+    known, unknown = (validated(tiny().eval(), [world], gyroscope=gyroscope)["rotation"] for gyroscope in (True, False))
+    assert known < 0.05 < 0.3 < unknown
