@@ -138,6 +138,7 @@ def onnx() -> Iterator[Row]:
 
     import evimo as package
     from evimo.errors import NotFound
+    from evimo.events.local_motion import motion_candidates
     from evimo.events.stack import plane_fits, voxel_grid
     from evimo.model.export import First, Second
     from evimo.streaming.inference import Network, Seen
@@ -154,8 +155,10 @@ def onnx() -> Iterator[Row]:
     lens = np.array([258, 258, 173, 130], np.float32), np.zeros(4, np.float32)
     first = Seen(voxel_grid(stack, half, step=2), fits, valid, *lens)
     second = Seen(voxel_grid(stack, (size[0], size[1])), fits, valid, *lens)
-    motion = network.first(first)
+    candidates = motion_candidates(first.voxels)
+    motion = network.first(first, candidates)
     of_first, of_second = ([torch.from_numpy(each) for each in seen.feeds().values()] for seen in (first, second))
+    of_first.insert(2, torch.from_numpy(candidates[None]))
     taken = [torch.from_numpy(each) for each in (motion.ego[None], motion.rel_depth[None, None])]
     taken += [torch.from_numpy(each[None]) for each in (motion.rigid, motion.flow)]
     parts = First(model).eval(), Second(model).eval()
@@ -165,7 +168,7 @@ def onnx() -> Iterator[Row]:
             part(*inputs)
 
     ways: dict[str, Callable[[], Any]] = {
-        "first": lambda: network.first(first),
+        "first": lambda: network.first(first, candidates),
         "second": lambda: network.second(second, motion),
         "eager_first": lambda: eager(parts[0], *of_first),
         "eager_second": lambda: eager(parts[1], *of_second, *taken),

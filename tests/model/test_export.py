@@ -158,7 +158,9 @@ def test_what_a_run_says_is_what_training_sees(size, middle, tiny, network):
         firsts = {}
         for k in set(wanted):
             batch = whole_batch(recording, [k], [still], tiny.config.stride)
-            firsts[k] = tiny.first(batch.voxels, batch.fits, batch.candidates, batch.valid, batch.intrinsics, batch.rotation)
+            firsts[k] = tiny.first(
+                batch.voxels, batch.fits, batch.candidates, batch.valid, batch.intrinsics, batch.rotation
+            )
         own = firsts[middle]
         twist = torch.cat([firsts[k].ego for k in wanted]).numpy()
         motion = StaticMotion(twist, (1 / own.rel_depth)[0, 0].numpy(), DEPTH_STEP, lens)

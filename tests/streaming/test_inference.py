@@ -88,7 +88,7 @@ def test_exchanged_passes_are_refused(tmp_path, fake_network):
     with pytest.raises(BadFile, match=r"fake\.onnx is not an evimo model: it lacks taken_ego"):
         Network(tmp_path / "fake.onnx")
     shutil.copy(fake_network, tmp_path / "fake.onnx")
-    with pytest.raises(BadFile, match=r"fake\.first\.onnx is not an evimo model: it lacks rigid"):
+    with pytest.raises(BadFile, match=r"fake\.first\.onnx is not an evimo model: it lacks candidates, rigid"):
         Network(tmp_path / "fake.onnx")
 
 

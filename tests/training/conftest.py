@@ -56,7 +56,7 @@ def known_recording(size: tuple[int, int], slices: int, seed: int, *, with_box: 
     flow[:, 0] = np.where(box, -speed, speed)
     return Prepared(
         intrinsics=np.array((focal_px, focal_px, (width - 1) / 2 + 0.3, (height - 1) / 2), np.float32),
-        frames=np.zeros((slices, 1, 1, 1), np.float16),
+        frames=frames,
         valid=np.ones(size, bool),
         depth=np.where(box, BOX_M, WALL_M).astype(np.float16),
         ids=box.astype(np.uint8),
@@ -103,13 +103,6 @@ def small_crops(monkeypatch) -> None:
 def samples(recording) -> Samples:
     """Two known worlds of 36x54 px, smaller than a crop, and 7 slices each."""
     return samples_of([recording(seed=0), recording(seed=1)])
-
-
-@pytest.fixture
-def small_crops(monkeypatch) -> tuple[int, int]:
-    """Batches of 32x64 px."""
-    monkeypatch.setattr("evimo.training.data.CROP", (32, 64))
-    return 32, 64
 
 
 @pytest.fixture
