@@ -6,10 +6,23 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadInput, EvimoWarning
+from evimo.events.gyroscope import Gyroscope
 from evimo.events.io.event_file import CameraHint
 from evimo.geometry.camera import Camera
 from evimo.streaming.inference import Network
 from evimo.streaming.pipeline import Run, run
+
+STAGES = {
+    "reading",
+    "slicing",
+    "placing",
+    "first look",
+    "local motion",
+    "first pass",
+    "second look",
+    "second pass",
+    "objects",
+}
 
 
 def maps_of(estimate):
@@ -60,7 +73,10 @@ def test_results_do_not_depend_on_packets(whole, discs, recorded, fake_network, 
 
 @pytest.mark.parametrize(("start_s", "stop_s"), [(0.1, None), (0.137, 0.3), (0.0, 0.26), (0.26, 0.41)])
 def test_a_span_gives_the_estimates_of_the_whole(whole, discs, recorded, fake_network, camera, start_s, stop_s):
-    """Its grid does not move, and the neighbours of its first and last slice are read: rel_depth depends on them."""
+    """Its grid does not move, and the neighbours of its first and last slice are read: rel_depth depends on them.
+
+    On four to each side: by where events are put, and that by what the first pass says of two more.
+    """
     part = list(run(recorded(discs), model=fake_network, camera=camera, start_s=start_s, stop_s=stop_s))
     start_us = int(discs.t[0]) + round(start_s * 1e6)
     stop_us = int(discs.t[-1]) + 1 if stop_s is None else int(discs.t[0]) + round(stop_s * 1e6)
@@ -101,7 +117,40 @@ def test_invalid_pixels_are_one_warning_and_their_events_are_counted(discs, reco
         estimates = [estimate for estimate, _ in prepared.slices()]
     assert len(caught) == 1
     assert not estimates[0].valid.all()
-    assert prepared.frames.dropped > 0
+    assert 0 < prepared.placed.dropped < len(discs)
+
+
+def turning_about_z(whole, *, in_camera_axes):
+    """A gyroscope that says 0.8 rad/s about z from 100 ms after the first event on."""
+    t_us = np.arange(whole.t[0] + 100_000, whole.t[-1] + 2000, 1000)
+    return Gyroscope(t_us, np.tile([0.0, 0.0, 0.8], (len(t_us), 1)), in_camera_axes, "made up")
+
+
+def test_the_gyroscope_reaches_the_network_where_it_has_samples(discs, recorded, fake_network, camera, whole):
+    events = recorded(discs, read_gyroscope=lambda: turning_about_z(discs, in_camera_axes=True))
+    prepared = Run(events, Network(fake_network), camera=camera)
+    for estimate, _ in prepared.slices():
+        known = estimate.start_us >= discs.t[0] + 100_000
+        np.testing.assert_allclose(estimate.ego[4:], (5.02, 7) if known else (5, 6), rtol=1e-6)
+    assert prepared.rotation.said == "made up, in camera axes"
+    silent = run(events, model=fake_network, camera=camera, imu="off")
+    for one, other in zip(silent, whole, strict=True):
+        assert_same(one, other)
+
+
+def test_a_gyroscope_that_the_events_do_not_bear_out_is_not_used(discs, recorded, fake_network, camera, whole):
+    """The fake network sees no rotation at all. Looking for it leaves no trace."""
+    events = recorded(discs, read_gyroscope=lambda: turning_about_z(discs, in_camera_axes=False))
+    prepared = Run(events, Network(fake_network), camera=camera)
+    for (one, _), other in zip(prepared.slices(), whole, strict=True):
+        assert_same(one, other)
+    assert prepared.rotation.said == "the gyroscope's axes cannot be told from these events"
+    assert prepared.placed.dropped == 0
+
+
+def test_there_is_no_third_way_to_use_an_imu(discs, recorded, fake_network, camera):
+    with pytest.raises(BadInput, match="no way 'on' to use an IMU"):
+        run(recorded(discs), model=fake_network, camera=camera, imu="on")
 
 
 def test_the_calibration_must_fit_the_sensor(discs, recorded, fake_network):
@@ -139,7 +188,7 @@ def test_events_are_not_labelled_unasked(whole):
 def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
     prepared = Run(recorded(discs), Network(fake_network), camera=camera)
     count = len(list(prepared.slices()))
-    assert set(prepared.stopwatch.mean_ms(count)) == {"reading", "slicing", "frames", "evidence", "networks", "objects"}
+    assert set(prepared.stopwatch.mean_ms(count)) == STAGES
 
 
 def test_a_reader_that_fails_does_so_here_after_the_slices_before(discs, recorded, fake_network, camera):
