@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from evimo.events.events import Events
-from evimo.events.io.event_file import EventFile
+from evimo.events.gyroscope import Gyroscope
+from evimo.events.io.event_file import EventFile, no_gyroscope
 from evimo.geometry.camera import Camera
 
 SENSOR = (24, 32)
@@ -27,7 +28,7 @@ def make_fake_network() -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def fake_network(make_fake_network: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Path of the fake network."""
+    """Path of the fake network's second pass; the first lies beside it."""
     return make_fake_network(tmp_path_factory.mktemp("model") / "fake.onnx")
 
 
@@ -54,7 +55,13 @@ def two_discs(*, seconds: float = 0.5, seed: int = 0, per_slice: int = 300) -> E
     )
 
 
-def recording_of(whole: Events, *, cuts: Sequence[int] = (), sensor: tuple[int, int] = SENSOR) -> EventFile:
+def recording_of(
+    whole: Events,
+    *,
+    cuts: Sequence[int] = (),
+    sensor: tuple[int, int] = SENSOR,
+    read_gyroscope: Callable[[], Gyroscope | None] = no_gyroscope,
+) -> EventFile:
     """A recording whose reader hands out the events in packets that end at `cuts`."""
 
     def read(start_us: int) -> Iterator[Events]:
@@ -70,6 +77,7 @@ def recording_of(whole: Events, *, cuts: Sequence[int] = (), sensor: tuple[int, 
         start_us=int(whole.t[0]),
         stop_us=int(whole.t[-1]) + 1,
         read=read,
+        read_gyroscope=read_gyroscope,
     )
 
 
@@ -81,5 +89,5 @@ def discs() -> Events:
 
 @pytest.fixture
 def recorded() -> Callable[..., EventFile]:
-    """`recorded(events, cuts=…, sensor=…)`: those events as a recording read in packets."""
+    """`recorded(events, cuts=…, sensor=…, read_gyroscope=…)`: those events as a recording read in packets."""
     return recording_of

@@ -74,6 +74,7 @@ def test_the_summary_says_what_was_done(prepared, tmp_path):
     assert summary["settings"] == {"dense": False, "video_speed": None, "start_s": 0.0}
     assert summary["camera"]["fx"] == 24
     assert summary["camera"]["source"] == "given"
+    assert summary["rotation"] == "the recording has no gyroscope"
     assert summary["invalid_pixels"] == 0
     assert summary["dropped_events"] == {"without_place_in_image": 0, "late": 0, "off_sensor": 0}
     assert summary["warnings"] == ["mind the gap"]

@@ -121,7 +121,7 @@ class Network:
             threads: inside one operator.
 
         Raises:
-            NotFound: no such preset or file.
+            NotFound: no such preset or file, or no first pass beside it.
             BadFile: not an ONNX model, or not one of ours.
         """
         self.name = str(name_or_path)
@@ -130,19 +130,19 @@ class Network:
         if not path.is_file():
             known = ", ".join(presets()) or "none is installed"
             raise NotFound(f"no model {self.name!r}", fix=f"a preset ({known}), or the path of an .onnx file")
+        content = path.read_bytes()
+        self._second = _session(path, content, threads)
+        _check_names(path, self._second, (SECOND_INPUTS, SECOND_OUTPUTS))
+        self.config, self.stride = _facts(path, self._second)
         beside = path.with_name(f"{path.stem}{FIRST_PASS}")
         if not beside.is_file():
             raise NotFound(
                 f"{path} has no first pass beside it", fix=f"keep {beside.name} of the same training run in its folder"
             )
-        content = [each.read_bytes() for each in (path, beside)]
-        self.sha256 = hashlib.sha256(b"".join(content)).hexdigest()
-        self._second, self._first = (
-            _session(each, data, threads) for each, data in zip((path, beside), content, strict=True)
-        )
-        _check_names(path, self._second, (SECOND_INPUTS, SECOND_OUTPUTS))
+        first = beside.read_bytes()
+        self.sha256 = hashlib.sha256(content + first).hexdigest()
+        self._first = _session(beside, first, threads)
         _check_names(beside, self._first, (FIRST_INPUTS, FIRST_OUTPUTS))
-        self.config, self.stride = _facts(path, self._second)
         if _facts(beside, self._first) != (self.config, self.stride):
             raise BadFile(f"{beside} is the first pass of another model", fix="both files of the same training run")
 
