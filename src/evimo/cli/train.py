@@ -26,7 +26,8 @@ def train(
     """Train on simulated recordings; the same command again goes on where it stopped.
 
     Leaves `model.safetensors` (averaged weights with their configuration), `model.onnx` with `model.first.onnx` (to
-    run) and `log.csv` in the output folder. Each recording is brought into its rectified image once, in a folder inside it.
+    run) and `log.csv` in the output folder. Each recording is brought into its rectified image once, in a folder inside
+    it.
 
     Args:
         data: folders of recordings made by `evimo simulate`.
