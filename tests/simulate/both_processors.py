@@ -8,7 +8,6 @@ import sys
 import threading
 import warnings
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 
 import numba
@@ -31,7 +30,6 @@ from evimo.simulate.film import Film
 from evimo.simulate.pixels import Pixels, blurred
 from evimo.simulate.recording import SimulatedRecording
 from evimo.simulate.sensor import SensorSettings
-from evimo.training.simulated import SimulatedSource, simulated_batches
 
 NOISY = SensorSettings(contrast=0.1, refractory_s=0.0, shot_hz=60.0, shot_light=5.0, jitter_s=1e-4, hot_share=0.05)
 SENSORS = {
@@ -123,9 +121,6 @@ def compared(height: int, width: int) -> dict:
     arrays["milliseconds"] = slices.milliseconds()
     found["slices"] = {name: np.asarray(getattr(a, "copy_to_host", lambda a=a: a)()) for name, a in arrays.items()}
     found["pieces"], found["camera"] = list(recording), renderer.camera
-    source = SimulatedSource(seed=5, sets=(2,), seconds=0.025, size=(16, 16), pool=1, batches=1, threads=1)
-    batches = islice(simulated_batches(source, 2), 2)
-    found["batches"] = [[tensor.cpu().numpy() for tensor in batch[:9]] for batch in batches]
     return found
 
 
