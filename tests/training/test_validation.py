@@ -29,7 +29,7 @@ def world(recording):
 
 
 def oracle(world, *, called=None, share=1.0):
-    """A stub that knows the world: `called` (h, w) is where it says that something moves, `share` what of all motion."""
+    """A stub that knows the world: `called` (h, w) is where it says something moves, `share` what of all motion."""
     truth = whole_batch(world, [0], [motion_of_nothing(world)], 32)
     mean = truth.depth.mean()
     called = truth.moving[0, 0] if called is None else called
