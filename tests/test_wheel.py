@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+KINDS = "onnx", "first.onnx", "safetensors"
 pytestmark = pytest.mark.slow
 
 
@@ -69,7 +70,7 @@ def top_level(dist: Distribution) -> set[Path]:
 
 def test_wheel_holds_weights_sample_licence_and_types(wheel: Path):
     names = set(zipfile.ZipFile(wheel).namelist())
-    assert {"evimo/py.typed", "evimo/model/weights/tiny.onnx", "evimo/model/weights/tiny.safetensors"} <= names
+    assert {"evimo/py.typed", *(f"evimo/model/weights/small.{kind}" for kind in KINDS)} <= names
     assert any(re.fullmatch(r"evimo/samples/[^/]+\.npz", name) for name in names)
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
 
@@ -81,7 +82,7 @@ def test_wheel_holds_only_the_package(wheel: Path):
 
 
 def test_wheel_stays_small(wheel: Path):
-    assert wheel.stat().st_size < 6e6  # the sample may have 3 MB, tiny's weights have 40 thousand numbers twice
+    assert wheel.stat().st_size < 6e6  # the sample may have 3 MB, small's weights have 0.9 million halves twice
 
 
 def test_wheel_runs_without_extras(clean_bin: Path, tmp_path: Path):

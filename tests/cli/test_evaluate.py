@@ -85,7 +85,8 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Replaces the networks by the truth; lists the recordings that were run."""
     done: list[Path] = []
 
-    def run(events, *, model, camera):
+    def run(events, *, model, camera, imu):
+        assert imu == "off"  # unless told otherwise
         done.append(events.path)
         return all_knowing(open_recording(events.path))
 

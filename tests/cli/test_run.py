@@ -40,6 +40,7 @@ def test_a_recording_becomes_video_tables_and_maps(recording, fake_network, tmp_
         "start_s": 0.0,
         "stop_s": None,
         "event_labels": False,
+        "imu": "auto",
         "calibration": None,
         "sensor": "32x24",
     }

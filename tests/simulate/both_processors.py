@@ -8,12 +8,10 @@ import sys
 import threading
 import warnings
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 
 import numba
 import numpy as np
-from evimo.training.simulated import SimulatedSource, simulated_batches
 
 from evimo.geometry.camera import Camera
 from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, MESH, Body, Part, Scene, Surface
@@ -123,9 +121,6 @@ def compared(height: int, width: int) -> dict:
     arrays["milliseconds"] = slices.milliseconds()
     found["slices"] = {name: np.asarray(getattr(a, "copy_to_host", lambda a=a: a)()) for name, a in arrays.items()}
     found["pieces"], found["camera"] = list(recording), renderer.camera
-    source = SimulatedSource(seed=5, sets=(2,), seconds=0.025, size=(16, 16), pool=1, batches=1, threads=1)
-    batches = islice(simulated_batches(source, 2), 2)
-    found["batches"] = [[tensor.cpu().numpy() for tensor in batch[:9]] for batch in batches]
     return found
 
 

@@ -134,17 +134,6 @@ def test_truth_is_the_recordings_in_the_rectified_image(both):
             np.testing.assert_array_equal(slices["moving"][k][slices["ids"][k] == id_], moves)
 
 
-def test_batches_come_from_one_recording_after_another(both):
-    frames, valid, _, depth, known, moving, flow, velocity, ego = zip(*both.found["batches"], strict=True)
-    assert [batch.shape for batch in frames] == [(2, 5, 3, 16, 16)] * 2
-    assert min(batch[:, 2, :2].sum() for batch in frames) > 0  # the middle slice, the only one, has events
-    assert all(batch[mask].min() > 0.05 and batch[mask].max() < 12 for batch, mask in zip(depth, known, strict=True))
-    assert {batch.shape for batch in (*depth, *known, *moving, *valid)} == {(2, 1, 16, 16)}
-    assert {(*a.shape, *b.shape) for a, b in zip(flow, velocity, strict=True)} == {(2, 2, 16, 16, 2, 3, 16, 16)}
-    speeds = {round(float(np.linalg.norm(sample)), 4) for batch in ego for sample in batch}
-    assert len(speeds) == 2  # recordings
-
-
 def test_recordings_of_another_device_are_told_apart():
     assert as_made({"camera": {}})["device"] == "cpu"  # of before there was a choice
     assert as_made({"camera": {}, "device": "cuda"})["device"] == "cuda"
