@@ -160,7 +160,7 @@ def onnx() -> Iterator[Row]:
     of_first, of_second = ([torch.from_numpy(each) for each in seen.feeds().values()] for seen in (first, second))
     of_first.insert(2, torch.from_numpy(candidates[None]))
     taken = [torch.from_numpy(each) for each in (motion.ego[None], motion.rel_depth[None, None])]
-    taken += [torch.from_numpy(each[None]) for each in (motion.rigid, motion.flow)]
+    taken += [torch.from_numpy(each[None]) for each in (motion.flow,)]
     parts = First(model).eval(), Second(model).eval()
 
     def eager(part: torch.nn.Module, *inputs: torch.Tensor) -> None:

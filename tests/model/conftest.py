@@ -13,7 +13,7 @@ from evimo.events.stack import EventStack, plane_fits, voxel_grid
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import MotionNet, Prediction
 from evimo.model.presets import PRESETS
-from evimo.model.second_pass import Compensation
+from evimo.model.second_pass import compensation
 
 
 class Look(NamedTuple):
@@ -32,7 +32,7 @@ class Look(NamedTuple):
 
     def second(self, model: MotionNet) -> list[Prediction]:
         first = self.first(model)
-        taken = Compensation(first.ego, first.rel_depth, first.rigid, first.flow)
+        taken = compensation(first.ego, first.rel_depth, first.flow, self.intrinsics)
         return model.second(self.sharp_voxels, self.fits, self.valid, taken, self.intrinsics, self.rotation)
 
 

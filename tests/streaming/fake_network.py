@@ -9,7 +9,7 @@ HEADER = '<ir_version: 10, opset_import: ["": 18]>'
 FIRST = """
 first (float[1, 30, h, w] voxels, float[1, 24, h, w] fits, float[1, 22, a, b] candidates, float[1, 1, h, w] valid,
        float[1, 4] intrinsics, float[1, 4] rotation)
-  => (float[1, 1, a, b] rel_depth, float[1, 6] ego, float[1, 2, a, b] flow, float[1, 2, a, b] rigid)
+  => (float[1, 1, a, b] rel_depth, float[1, 6] ego, float[1, 2, a, b] flow)
 {
   quarter = AveragePool <kernel_shape = [2, 2], strides = [2, 2]> (valid)
   nothing = Sub (quarter, quarter)
@@ -18,7 +18,6 @@ first (float[1, 30, h, w] voxels, float[1, 24, h, w] fits, float[1, 22, a, b] ca
   one = Constant <value_float = 1.0> ()
   ones = Add (nothing, one)
   flow = Concat <axis = 1> (ones, nothing)
-  rigid = Concat <axis = 1> (nothing, nothing)
   all = Constant <value_ints = [1, 2, 3]> ()
   mean = ReduceMean <keepdims = 0> (voxels, all)
   little = Constant <value_float = 0.02> ()
@@ -33,7 +32,7 @@ first (float[1, 30, h, w] voxels, float[1, 24, h, w] fits, float[1, 22, a, b] ca
 """
 SECOND = """
 second (float[1, 30, H, W] voxels, float[1, 24, h, w] fits, float[1, 1, h, w] valid, float[1, 4] intrinsics,
-        float[1, 4] rotation, float[1, 6] taken_ego, float[1, 1, a, b] taken_depth, float[1, 2, a, b] taken_rigid,
+        float[1, 4] rotation, float[1, 6] taken_ego, float[1, 1, a, b] taken_depth,
         float[1, 2, a, b] taken_seen)
   => (float[1, 1, h, w] moving, float[1, 1, h, w] rel_depth, float[1, 6] ego, float[1, 3, h, w] velocity,
       float[1, 2, h, w] flow)
@@ -64,8 +63,7 @@ second (float[1, 30, H, W] voxels, float[1, 24, h, w] fits, float[1, 1, h, w] va
   x = Constant <value_ints = [0]> ()
   speed = Gather <axis = 1> (taken_ego, x)
   inner = Constant <value_ints = [2, 3]> ()
-  all_seen = Sub (taken_seen, taken_rigid)
-  by_axis = ReduceMean <keepdims = 0> (all_seen, inner)
+  by_axis = ReduceMean <keepdims = 0> (taken_seen, inner)
   seen = Gather <axis = 1> (by_axis, x)
   ego = Concat <axis = 1> (intrinsics, speed, seen)
 }
@@ -76,7 +74,7 @@ def save_fake_network(path: Path, first: dict[str, str] | None = None, **facts: 
     """Save both passes for any image size, the first beside the second; with other metadata if `facts` are given.
 
     The first pass says: depth 2 everywhere, a camera that moves 0.02 times the mean of all voxels along x, a flow of
-    1 px along x, none of it of the static world. The second: moving where the middle slice has events; rel_depth
+    1 px along x. The second: moving where the middle slice has events; rel_depth
     1 + mean voxel + mean fit; ego fx fy cx cy, the speed and the flow of the first pass; velocity and flow (sign of
     positive - negative count, 0, …).
     """

@@ -26,7 +26,7 @@ def test_the_first_answer_is_that_of_the_fake_network(fake_network):
     motion = Network(fake_network).first(seen(step=2, voxels=voxels), np.zeros((22, 3, 4), np.float32))
     assert (motion.rel_depth == 2).all() and motion.rel_depth.shape == (3, 4)
     np.testing.assert_allclose(motion.ego, (0.04, 0, 0, 0, 0, 0), rtol=1e-6)
-    assert (motion.flow[0] == 1).all() and not motion.flow[1].any() and not motion.rigid.any()
+    assert (motion.flow[0] == 1).all() and not motion.flow[1].any()
 
 
 def test_the_second_answer_is_that_of_the_fake_network(fake_network):
@@ -40,7 +40,6 @@ def test_the_second_answer_is_that_of_the_fake_network(fake_network):
         rel_depth=np.ones((3, 4), np.float32),
         ego=np.array((7, 0, 0, 0, 0, 0), np.float32),
         flow=np.full((2, 3, 4), 3, np.float32),
-        rigid=np.full((2, 3, 4), 1, np.float32),
     )
     answer = Network(fake_network).second(look, taken)
     assert np.argwhere(answer.moving).tolist() == [[1, 3]]
@@ -50,7 +49,7 @@ def test_the_second_answer_is_that_of_the_fake_network(fake_network):
     assert answer.velocity[0, 1, 3] == 1
     assert answer.velocity[0, 4, 5] == -1
     assert answer.flow.shape == (2, 6, 8)
-    assert answer.ego.tolist() == [1, 2, 3, 4, 7, 2]
+    assert answer.ego.tolist() == [1, 2, 3, 4, 7, 3]
     cropped = answer.cropped(2, 5)
     assert [each.shape for each in cropped] == [(2, 5), (2, 5), (6,), (3, 2, 5), (2, 2, 5)]
     assert np.argwhere(cropped.moving).tolist() == [[1, 3]]
@@ -88,7 +87,7 @@ def test_exchanged_passes_are_refused(tmp_path, fake_network):
     with pytest.raises(BadFile, match=r"fake\.onnx is not an evimo model: it lacks taken_ego"):
         Network(tmp_path / "fake.onnx")
     shutil.copy(fake_network, tmp_path / "fake.onnx")
-    with pytest.raises(BadFile, match=r"fake\.first\.onnx is not an evimo model: it lacks candidates, rigid"):
+    with pytest.raises(BadFile, match=r"fake\.first\.onnx is not an evimo model: it lacks candidates"):
         Network(tmp_path / "fake.onnx")
 
 

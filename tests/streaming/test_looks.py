@@ -80,8 +80,8 @@ def test_images_are_padded_to_the_stride(pinhole):
     assert (first.voxels.shape, first.fits.shape, first.valid.shape) == ((30, 20, 20), (24, 20, 20), (20, 20))
     assert (first.valid[:12, :16] == 1).all() and first.valid.sum() == 12 * 16
     assert first.rotation.tolist() == [0, 0, 0, 0]
-    still = CameraMotion(np.ones((10, 10), np.float32), np.zeros(6, np.float32), *np.zeros((2, 2, 10, 10), np.float32))
-    second = looks.second(stack, [still] * 5, UNKNOWN)
+    still = CameraMotion(np.ones((10, 10), np.float32), np.zeros(6, np.float32), np.zeros((2, 10, 10), np.float32))
+    second = looks.second(stack, looks.static_motion([still] * 5), UNKNOWN)
     assert second.voxels.shape == (30, 40, 40)
     np.testing.assert_array_equal(second.voxels, voxel_grid(stack, (40, 40)))
 
@@ -96,10 +96,10 @@ def test_each_slices_own_motion_is_taken_out(pinhole, camera):
     stack = stack._replace(x=stack.x + np.array((0.5, 0, 0, 0, -0.5), np.float32))
     depth = np.full((8, 8), 2, np.float32)
     motions = [
-        CameraMotion(depth, np.array((v, 0, 0, 0, 0, 0), np.float32), *np.zeros((2, 2, 8, 8), np.float32))
-        for v in speeds
+        CameraMotion(depth, np.array((v, 0, 0, 0, 0, 0), np.float32), np.zeros((2, 8, 8), np.float32)) for v in speeds
     ]
-    sharp = np.expm1(Looks(pinhole, stride=8).second(stack, motions, UNKNOWN).voxels).sum(0)
+    looks = Looks(pinhole, stride=8)
+    sharp = np.expm1(looks.second(stack, looks.static_motion(motions), UNKNOWN).voxels).sum(0)
     assert sharp[8, 13] == pytest.approx(5, abs=1e-3)
     assert sharp.sum() == pytest.approx(5, abs=1e-3)
 

@@ -1,6 +1,7 @@
 import threading
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from evimo.errors import BadInput, EvimoWarning
 from evimo.events.io.event_file import CameraHint
 from evimo.geometry.camera import Camera
+from evimo.streaming import pipeline
 from evimo.streaming.inference import Network
 from evimo.streaming.pipeline import Run, run
 
@@ -49,10 +51,35 @@ def test_intrinsics_reach_the_network(whole, camera):
     np.testing.assert_allclose(whole[0].ego[:4], (camera.fx, camera.fy, camera.cx, camera.cy), rtol=1e-6)
 
 
-def test_what_the_first_pass_says_reaches_the_second(whole):
-    assert all(estimate.ego[4] > 0.001 for estimate in whole)  # it says a speed that grows with the events it sees
-    assert len({estimate.ego[4] for estimate in whole}) == len(whole)
-    assert [estimate.ego[5] for estimate in whole] == [1] * len(whole)
+def speeds(monkeypatch, events, model, camera, *, more):
+    """What reaches the second pass of the first one's twist, when alignment adds `more` to it."""
+    monkeypatch.setattr(pipeline, "aligned", lambda _, motion, **__: motion._replace(twist=motion.twist + more))
+    return np.array([estimate.ego[4:] for estimate in run(events, model=model, camera=camera)])
+
+
+def test_what_the_first_pass_says_reaches_the_second_aligned(monkeypatch, discs, recorded, fake_network, camera):
+    one, other = (
+        speeds(monkeypatch, recorded(discs), fake_network, camera, more=np.float32(more)) for more in (0, 0.5)
+    )
+    assert (one[:, 0] > 0.001).all()  # it says a speed that grows with the events it sees
+    assert len(set(one[:, 0])) == len(one)
+    assert (one[:, 1] == 1).all()
+    np.testing.assert_allclose(other[:, 0], one[:, 0] + 0.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_rotation_that_a_gyroscope_measured_is_not_aligned(monkeypatch, discs, recorded, fake_network, camera, known):
+    told = set()
+
+    def aligned(_, motion, *, known_rotation):
+        told.add(known_rotation)
+        return motion
+
+    monkeypatch.setattr(pipeline, "aligned", aligned)
+    rotation = np.array((0, 0, 0, known), np.float32)
+    monkeypatch.setattr(pipeline, "rotation_of", lambda *_: SimpleNamespace(of_slice=lambda *_: rotation))
+    list(run(recorded(discs), model=fake_network, camera=camera))
+    assert told == {known}
 
 
 @pytest.mark.parametrize("every", [1, 7, 500, 4000])
@@ -147,7 +174,7 @@ def test_events_are_not_labelled_unasked(whole):
 def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
     prepared = Run(recorded(discs), Network(fake_network), camera=camera)
     count = len(list(prepared.slices()))
-    stages = "reading slicing placing first_look local_motion first_pass second_look second_pass objects"
+    stages = "reading slicing placing first_look local_motion first_pass alignment second_look second_pass objects"
     assert set(prepared.stopwatch.mean_ms(count)) == {stage.replace("_", " ") for stage in stages.split()}
 
 

@@ -21,6 +21,7 @@ def at_level(monkeypatch, truth):
     def errors(level, *, known_rotation=False, count=1, seed=0):
         monkeypatch.setattr(module, "LEVELS", (level, level))
         monkeypatch.setattr(module, "FLAT", 0)
+        monkeypatch.setattr(module, "SMOOTH", (0.01, 0.01))
         rng = np.random.default_rng(seed)
         found = [disturbed(truth, rng, known_rotation=known_rotation) for _ in range(count)]
         twists = np.stack([motion.twist - truth.twist for motion in found])
@@ -41,7 +42,8 @@ def test_errors_grow_with_the_level(at_level):
     np.testing.assert_allclose(large[1], 2 * small[1], atol=1e-5, rtol=1e-3)
 
 
-def test_levels_are_drawn_evenly_in_their_logarithm(truth):
+def test_levels_are_drawn_evenly_in_their_logarithm(truth, monkeypatch):
+    monkeypatch.setattr(module, "SMOOTH", (0.01, 0.01))
     rng = np.random.default_rng(0)
     sizes = []
     for _ in range(400):
@@ -89,3 +91,17 @@ def test_the_truth_itself_is_left_alone(truth):
     np.testing.assert_array_equal(truth.twist, before[0])
     np.testing.assert_array_equal(truth.inv_depth, before[1])
     assert motion.twist.dtype == motion.inv_depth.dtype == np.float32
+
+
+def test_depth_has_no_sharper_outlines_than_a_first_pass_sees(monkeypatch, truth):
+    """A wall with a box before it: most compensations know the box's outline only roughly."""
+    wall = np.full((40, 60), 0.5, np.float32)
+    wall[12:28, 20:40] = 2
+    monkeypatch.setattr(module, "LEVELS", (1e-3, 1e-3))
+    monkeypatch.setattr(module, "FLAT", 0)
+    rng = np.random.default_rng(0)
+    found = [disturbed(truth._replace(inv_depth=wall), rng, known_rotation=False).inv_depth for _ in range(60)]
+    steps = [np.abs(np.diff(np.log(depth[20]))).max() / np.log(4) for depth in found]
+    assert np.median(steps) < 0.15
+    assert max(steps) > 0.4
+    assert all(depth.min() > 0.49 and depth.max() < 2.01 for depth in found)

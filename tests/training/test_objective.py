@@ -185,7 +185,7 @@ def first_answer(batch, *, wrong=0.0):
     mean = mean_over(batch.depth, batch.depth_valid)
     ego = torch.cat((batch.ego[:, :3] / mean[:, :, 0, 0], batch.ego[:, 3:]), dim=1) / 40 + wrong / 40
     flow = here.flow * batch.intrinsics[:, :2, None, None] / 40 + wrong
-    return FirstAnswer(here.depth / mean + wrong, ego, flow, 0 * flow, here.valid), mean
+    return FirstAnswer(here.depth / mean + wrong, ego, flow, here.valid), mean
 
 
 def first_costs(batch, recipe, **how):

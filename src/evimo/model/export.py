@@ -17,22 +17,12 @@ from torch import Tensor, nn
 from evimo.events.local_motion import CANDIDATE_CHANNELS
 from evimo.events.stack import FITS, VOXELS
 from evimo.model.motion_net import MotionNet
-from evimo.model.second_pass import Compensation
+from evimo.model.second_pass import compensation
 from evimo.model.weights import first_pass_beside
 
 FIRST_INPUTS = ("voxels", "fits", "candidates", "valid", "intrinsics", "rotation")
-FIRST_OUTPUTS = ("rel_depth", "ego", "flow", "rigid")
-SECOND_INPUTS = (
-    "voxels",
-    "fits",
-    "valid",
-    "intrinsics",
-    "rotation",
-    "taken_ego",
-    "taken_depth",
-    "taken_rigid",
-    "taken_seen",
-)
+FIRST_OUTPUTS = ("rel_depth", "ego", "flow")
+SECOND_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation", "taken_ego", "taken_depth", "taken_seen")
 SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 HALVED_FROM = 1024  # elements of a weight that is stored in half precision
 
@@ -48,7 +38,7 @@ class First(nn.Module):
         self, voxels: Tensor, fits: Tensor, candidates: Tensor, valid: Tensor, intrinsics: Tensor, rotation: Tensor
     ) -> tuple[Tensor, ...]:
         """See `FirstPass.forward`; all but the twist and what is known of the lens are images."""
-        return self.model.first(voxels, fits, candidates, valid, intrinsics, rotation)[:4]
+        return self.model.first(voxels, fits, candidates, valid, intrinsics, rotation)[:3]
 
 
 class Second(nn.Module):
@@ -67,7 +57,7 @@ class Second(nn.Module):
             moving (1, 1, h, w) probability; rel_depth (1, 1, h, w); ego (1, 6) mean depths per second and rad/s;
             velocity (1, 3, h, w) of what each pixel shows, mean depths per second; flow (1, 2, h, w) 1/s on Z = 1.
         """
-        finest = self.model.second(voxels, fits, valid, Compensation(*taken), intrinsics, rotation)[-1]
+        finest = self.model.second(voxels, fits, valid, compensation(*taken, intrinsics), intrinsics, rotation)[-1]
         moving = 1 - finest.mixture[:, :1]
         return moving, finest.rel_depth, finest.ego, finest.object_velocity, finest.flow
 
@@ -85,7 +75,7 @@ def export(model: MotionNet, path: Path) -> None:
         return torch.rand(1, channels, high // step, wide // step) + 0.1
 
     first = (image(VOXELS, 2), image(FITS, 2), image(CANDIDATE_CHANNELS, 4), image(1, 2), *lens)
-    taken = (torch.rand(1, 6), image(1, 4), image(2, 4), image(2, 4))
+    taken = (torch.rand(1, 6), image(1, 4), image(2, 4))
     second = (image(VOXELS, 1), image(FITS, 2), image(1, 2), *lens, *taken)
     _write(First(model), first, (FIRST_INPUTS, FIRST_OUTPUTS), first_pass_beside(path))
     _write(Second(model), second, (SECOND_INPUTS, SECOND_OUTPUTS), path)

@@ -29,14 +29,12 @@ class FirstAnswer(NamedTuple):
     rel_depth: (B, 1, h, w) mean 1 over the valid pixels.
     ego:       (B, 6) mean depths and rad per slice.
     flow:      (B, 2, h, w) the flow it sees, px of the rectified image per slice; of all that is there, movers too.
-    rigid:     (B, 2, h, w) the flow of the static world: equation 1 for `ego` and `rel_depth`, in the same unit.
     valid:     (B, 1, h, w) share of the pixel that the lens sees.
     """
 
     rel_depth: Tensor
     ego: Tensor
     flow: Tensor
-    rigid: Tensor
     valid: Tensor
 
 
@@ -108,7 +106,7 @@ class FirstPass(nn.Module):
         flow, confidence = self._seen(voxels, fits, candidates, valid)
         geometry = Geometry(1 / depth, grid, intrinsics[:, :2, None, None])
         ego = robustly_fitted(geometry, flow, torch.sigmoid(confidence) * valid, self.prior(rotation))
-        return FirstAnswer(depth, ego, flow, geometry.rigid_flow(ego), valid)
+        return FirstAnswer(depth, ego, flow, valid)
 
     def _seen(self, voxels: Tensor, fits: Tensor, candidates: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
         """Flow, px per slice: the candidates and no motion, blended pixel by pixel, and a residue; and its logit."""

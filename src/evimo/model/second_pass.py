@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from evimo.events.stack import FITS, VOXELS
 from evimo.geometry.grids import normalised_grid, resized_intrinsics
 from evimo.model.backbone import EvenlyCascaded, enlarged, reduced, shares
-from evimo.model.first_pass import TwistPrior, mean_one
+from evimo.model.first_pass import FIRST_STEP, TwistPrior, mean_one
 from evimo.model.fits import Geometry, residual_translations, robustly_fitted
 from evimo.model.presets import ModelConfig
 
@@ -35,6 +35,18 @@ class Compensation(NamedTuple):
     rel_depth: Tensor
     rigid: Tensor
     seen: Tensor
+
+
+def compensation(
+    ego: Float[Tensor, "B 6"],
+    rel_depth: Float[Tensor, "B 1 h w"],
+    seen: Float[Tensor, "B 2 h w"],
+    intrinsics: Float[Tensor, "B 4"],
+) -> Compensation:
+    """What was taken out by an egomotion at a depth (paper, eq. 1)."""
+    grid = normalised_grid(resized_intrinsics(intrinsics, (FIRST_STEP, FIRST_STEP), (1, 1)), rel_depth)
+    rigid = Geometry(1 / rel_depth, grid, intrinsics[:, :2, None, None]).rigid_flow(ego)
+    return Compensation(ego, rel_depth, rigid, seen)
 
 
 class SecondAnswer(NamedTuple):

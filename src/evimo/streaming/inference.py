@@ -19,18 +19,8 @@ MOST_WORKERS = 4  # more would wait for memory, not for each other
 LARGEST_STRIDE = 1024
 FIRST_PASS = ".first.onnx"
 FIRST_INPUTS = ("voxels", "fits", "candidates", "valid", "intrinsics", "rotation")
-FIRST_OUTPUTS = ("rel_depth", "ego", "flow", "rigid")
-SECOND_INPUTS = (
-    "voxels",
-    "fits",
-    "valid",
-    "intrinsics",
-    "rotation",
-    "taken_ego",
-    "taken_depth",
-    "taken_rigid",
-    "taken_seen",
-)
+FIRST_OUTPUTS = ("rel_depth", "ego", "flow")
+SECOND_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation", "taken_ego", "taken_depth", "taken_seen")
 SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
 
 
@@ -63,13 +53,12 @@ class CameraMotion(NamedTuple):
     """What the first pass says, at a quarter of the rectified image's size (h, w).
 
     rel_depth: (h, w) mean 1. ego: (6,) mean depths and rad per slice.
-    flow:      (2, h, w) of everything, px per slice; rigid: (2, h, w) of the static world.
+    flow:      (2, h, w) of everything, px per slice.
     """
 
     rel_depth: F4
     ego: F4
     flow: F4
-    rigid: F4
 
 
 class Answer(NamedTuple):
@@ -152,15 +141,14 @@ class Network:
         candidates: (22, h, w) of local motion in them, at a quarter of it (`events.local_motion`).
         """
         feeds = seen.feeds() | {"candidates": candidates[None]}
-        rel_depth, ego, flow, rigid = self._first.run(FIRST_OUTPUTS, feeds)
-        return CameraMotion(rel_depth[0, 0], ego[0], flow[0], rigid[0])
+        rel_depth, ego, flow = self._first.run(FIRST_OUTPUTS, feeds)
+        return CameraMotion(rel_depth[0, 0], ego[0], flow[0])
 
     def second(self, seen: Seen, taken: CameraMotion) -> Answer:
         """Run the second pass on events that were compensated by what the first one said."""
         feeds = seen.feeds() | {
             "taken_ego": taken.ego[None],
             "taken_depth": taken.rel_depth[None, None],
-            "taken_rigid": taken.rigid[None],
             "taken_seen": taken.flow[None],
         }
         moving, rel_depth, ego, velocity, flow = self._second.run(SECOND_OUTPUTS, feeds)

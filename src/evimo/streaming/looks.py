@@ -58,11 +58,13 @@ class Looks:
         """The events as they come, at half the rectified image's size."""
         return self._seen(stack, self.cells, rotation, step=CELL)
 
-    def second(self, stack: EventStack, motions: Sequence[CameraMotion], rotation: F4) -> Seen:
-        """The events without the camera's motion: that of each of the five slices, at the middle one's depth."""
-        middle = motions[STACKED // 2]
+    def static_motion(self, motions: Sequence[CameraMotion]) -> StaticMotion:
+        """How the static world moves by what the first pass says of five slices, at the middle one's depth."""
         twist = np.stack([motion.ego for motion in motions]).astype(np.float32)
-        motion = StaticMotion(twist, np.reciprocal(middle.rel_depth), QUARTER, self._intrinsics)
+        return StaticMotion(twist, np.reciprocal(motions[STACKED // 2].rel_depth), QUARTER, self._intrinsics)
+
+    def second(self, stack: EventStack, motion: StaticMotion, rotation: F4) -> Seen:
+        """The events without the camera's motion."""
         return self._seen(compensated(stack, motion), self.size, rotation, step=1)
 
     def _seen(self, stack: EventStack, size: tuple[int, int], rotation: F4, *, step: int) -> Seen:

@@ -1,9 +1,9 @@
 """The main job: packets in, estimates out, in constant memory.
 
 One thread reads events, cuts slices and places them in the rectified image. Several run the first pass, a slice each,
-from which small graphs gain more than from threads inside one slice. As many take the camera's motion out of the events
-and run the second pass, and the caller's own finds objects. Bounded queues join them, so an hour needs no more memory
-than a second.
+from which small graphs gain more than from threads inside one slice. As many correct what it found by direct alignment,
+take the camera's motion out of the events and run the second pass, and the caller's own finds objects. Bounded queues
+join them, so an hour needs no more memory than a second.
 """
 
 from collections.abc import Generator, Iterator
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadInput
+from evimo.events.direct_alignment import aligned
 from evimo.events.events import Events, joined
 from evimo.events.io.event_file import EventFile
 from evimo.events.local_motion import motion_candidates
@@ -230,11 +231,15 @@ class Run:
     def _second_of(self, rotation: Rotation, row: tuple[Looked, ...]) -> tuple[Stacked, Answer]:
         middle = row[STACKED // 2]
         part = middle.stacked.part
+        known = rotation.of_slice(part.start_us, part.stop_us)
+        with self.stopwatch.stage("alignment"):
+            first = self._looks.static_motion([each.motion for each in row])
+            motion = aligned(middle.stacked.stack, first, known_rotation=known[3] > 0)
         with self.stopwatch.stage("second look"):
-            known = rotation.of_slice(part.start_us, part.stop_us)
-            seen = self._looks.second(middle.stacked.stack, [each.motion for each in row], known)
+            seen = self._looks.second(middle.stacked.stack, motion, known)
         with self.stopwatch.stage("second pass"):
-            return middle.stacked, self.network.second(seen, middle.motion)
+            taken = middle.motion._replace(ego=motion.twist[STACKED // 2])
+            return middle.stacked, self.network.second(seen, taken)
 
 
 def _nearest(row: tuple[Looked | None, ...], number: int, middle: Looked) -> Looked:

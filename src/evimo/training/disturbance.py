@@ -17,6 +17,7 @@ F4 = NDArray[np.float32]
 
 LEVELS = (0.03, 2.5)  # size of the errors, drawn evenly in its logarithm
 FLAT = 0.12  # share of compensations whose depth is the same everywhere
+SMOOTH = (0.7, 20.0)  # of the others: width of the blur, pixels of the depth, drawn evenly in its logarithm
 TRANSLATION, ROTATION, OWN = 0.35, 0.1, 0.4  # of the speed in the picture, at level 1; share that each slice has anew
 LEAST_SPEED = 0.004  # mean depths or rad per slice: a camera at rest is seen to move a little, too
 BUMPS = ((3, 0.3), (9, 0.3), (24, 0.2))  # cells across the image and size of errors in log depth, at level 1
@@ -26,13 +27,16 @@ def disturbed(truth: StaticMotion, rng: Generator, *, known_rotation: bool) -> S
     """A compensation with errors of a random size.
 
     Errors of translation are mostly made up for by rotation, as a first pass confuses them: x with yaw, y with pitch.
-    With a known rotation there are none of that.
+    With a known rotation there are none of that. Depth is blurred as a first pass sees it: with outlines as sharp as
+    the truth's, a second pass learns to look for objects in its depth, and finds none when it runs.
     """
     level = math.exp(rng.uniform(*np.log(LEVELS)))
     twist = truth.twist + _twist_error(truth.twist, level, rng, known_rotation=known_rotation)
     inv_depth = np.ones_like(truth.inv_depth)
     if rng.random() >= FLAT:
-        inv_depth = truth.inv_depth * np.exp(sum(_bumps(truth.inv_depth.shape, c, level * k, rng) for c, k in BUMPS))
+        width = math.exp(rng.uniform(*np.log(SMOOTH)))
+        smooth = cv2.GaussianBlur(np.log(np.maximum(truth.inv_depth, np.float32(1e-3))), (0, 0), width)
+        inv_depth = np.exp(smooth + sum(_bumps(smooth.shape, c, level * k, rng) for c, k in BUMPS))
     return truth._replace(twist=twist.astype(np.float32), inv_depth=inv_depth.astype(np.float32))
 
 

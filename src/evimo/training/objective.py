@@ -20,7 +20,7 @@ from evimo.losses.warp import coarse_warp_loss, fine_warp_loss
 from evimo.model.backbone import reduced
 from evimo.model.first_pass import FIRST_STEP, FirstAnswer
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
-from evimo.model.second_pass import Compensation
+from evimo.model.second_pass import Compensation, compensation
 from evimo.training.batches import Batch
 from evimo.training.recipes import Recipe
 
@@ -140,10 +140,7 @@ def objective(model: MotionNet, batch: Batch, recipe: Recipe) -> tuple[Tensor, d
 
 def taken_out(batch: Batch, first: FirstAnswer) -> Compensation:
     """What was taken out of the batch's events, beside the flow that the first pass saw."""
-    answer = first._replace(rel_depth=batch.taken_depth, ego=batch.taken_ego)
-    prediction = as_prediction(answer, batch.intrinsics)
-    rigid = prediction.flow * batch.intrinsics[:, :2, None, None] / SLICES_PER_S
-    return Compensation(batch.taken_ego, batch.taken_depth, rigid, first.flow.detach())
+    return compensation(batch.taken_ego, batch.taken_depth, first.flow.detach(), batch.intrinsics)
 
 
 def _known(batch: Batch) -> Tensor:

@@ -10,12 +10,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from evimo.events.direct_alignment import aligned
 from evimo.events.local_motion import motion_candidates
 from evimo.events.stack import CELL, SLICES, StaticMotion, plane_fits, voxel_grid
 from evimo.losses.depth import mean_over
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
-from evimo.model.second_pass import Compensation
 from evimo.recordings.prepared import Prepared
 from evimo.training.batches import Batch
 from evimo.training.data import DEPTH_STEP, HALF, stack_of, true_motion, whole_batch
@@ -44,14 +44,14 @@ class Sums:
 
     def scores(self) -> dict[str, float]:
         """IoU per frame with a mover, pooled event IoU, share of events called moving where nothing does, and the
-        errors of flow, of the first pass's static flow, of rotation and of translation as shares of zero's.
+        errors of flow, of the static flow that was taken out, of rotation and of translation as shares of zero's.
         """
         pairs = {
             "iou": (self.iou, self.frames),
             "event_iou": (self.both, self.either),
             "alarms": (self.alarms, self.still_events),
             "flow": (self.flow, self.flow_zero),
-            "first_static_flow": (self.rigid, self.flow_zero),
+            "static_flow": (self.rigid, self.flow_zero),
             "rotation": (self.rotation, self.rotation_zero),
             "translation": (self.translation, self.translation_zero),
         }
@@ -109,15 +109,15 @@ def _score(
     first = firsts[k]
     twist = torch.cat([firsts[k + d].ego for d in range(-HALF, HALF + 1)]).numpy()
     own = StaticMotion(twist, (1 / first.rel_depth)[0, 0].numpy(), DEPTH_STEP, np.asarray(recording.intrinsics))
-    motion = true_motion(recording, k) if oracle else own
+    found = aligned(stack_of(recording, k), own, known_rotation=gyroscope)
+    motion = true_motion(recording, k) if oracle else found
     batch = whole_batch(recording, [k], [motion], model.config.stride)
-    rigid = first.rigid if not oracle else taken_out(batch, first).rigid
-    taken = Compensation(batch.taken_ego, batch.taken_depth, rigid, first.flow)
+    taken = taken_out(batch, first)
     answer = model.second(
         batch.sharp_voxels, batch.sharp_fits, batch.valid, taken, batch.intrinsics, _rotation(recording, k, gyroscope)
     )[-1]
     _add_masks(sums, answer, batch)
-    _add_motion(sums, answer, batch, rigid)
+    _add_motion(sums, answer, batch, taken.rigid)
 
 
 def _middle_events(batch: Batch) -> Tensor:
