@@ -53,11 +53,12 @@ def twist_correction(sharp: EventStack, motion: StaticMotion, *, known_rotation:
     prior = PRIOR * np.square(basis, dtype=np.float64).sum(1).mean((1, 2)) * STEP**2
     if known_rotation:
         prior[3:] *= KNOWN
-    correction, say = np.zeros(6), np.ones((height, width), np.float32)
+    correction: F8 = np.zeros(6)
+    say = np.ones((height, width), np.float32)
     for _ in range(ROUNDS):
         matrix, right = np.zeros((6, 6)), np.zeros(6)
         noise = _normal_equations(products, basis, say, matrix, right)
-        correction = np.linalg.solve(matrix + noise * np.diag(prior), right)
+        correction = np.linalg.solve(matrix + noise * np.diag(prior), right).astype(np.float64)
         _reweight(products, basis, correction.astype(np.float32), say)
     return correction
 

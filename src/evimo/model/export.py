@@ -49,7 +49,15 @@ class Second(nn.Module):
         self.model = model
 
     def forward(
-        self, voxels: Tensor, fits: Tensor, valid: Tensor, intrinsics: Tensor, rotation: Tensor, *taken: Tensor
+        self,
+        voxels: Tensor,
+        fits: Tensor,
+        valid: Tensor,
+        intrinsics: Tensor,
+        rotation: Tensor,
+        taken_ego: Tensor,
+        taken_depth: Tensor,
+        taken_seen: Tensor,
     ) -> tuple[Tensor, ...]:
         """See `MotionNet.second`.
 
@@ -57,7 +65,8 @@ class Second(nn.Module):
             moving (1, 1, h, w) probability; rel_depth (1, 1, h, w); ego (1, 6) mean depths per second and rad/s;
             velocity (1, 3, h, w) of what each pixel shows, mean depths per second; flow (1, 2, h, w) 1/s on Z = 1.
         """
-        finest = self.model.second(voxels, fits, valid, compensation(*taken, intrinsics), intrinsics, rotation)[-1]
+        taken = compensation(taken_ego, taken_depth, taken_seen, intrinsics)
+        finest = self.model.second(voxels, fits, valid, taken, intrinsics, rotation)[-1]
         moving = 1 - finest.mixture[:, :1]
         return moving, finest.rel_depth, finest.ego, finest.object_velocity, finest.flow
 
