@@ -1,6 +1,6 @@
 """Speed of every stage on two cores: prints a table, writes out/bench.json. `make bench` runs this.
 
-    python bench/speed.py [--only slicing,simulate,rendering,run,onnx,warping] [--out out/bench.json]
+    python bench/speed.py [--only slicing,simulate,rendering,run,onnx,warping,labels,training] [--out out/bench.json]
 
 Peers are timed in turn within this very run, and medians compared: absolute times mean little on a shared machine.
 What cannot be measured here is listed with the reason. The JSON has one key per number; `rows` says more.
@@ -206,6 +206,15 @@ def warping() -> Iterator[Row]:
     yield from warping_rows()
 
 
+def training() -> Iterator[Row]:
+    """How fast each preset learns, and how long it waits for data."""
+    if find_spec("torch") is None:
+        raise Skipped("torch is not installed: training needs evimo[train]")
+    from training import training_rows
+
+    yield from training_rows()
+
+
 MEASUREMENTS: dict[str, Callable[[], Iterator[Row]]] = {
     "slicing": slicing,
     "simulate": simulate,
@@ -214,6 +223,7 @@ MEASUREMENTS: dict[str, Callable[[], Iterator[Row]]] = {
     "onnx": onnx,
     "warping": warping,
     "labels": labels,
+    "training": training,
 }
 
 

@@ -59,6 +59,21 @@ def test_a_stopped_run_goes_on_exactly(bfloat16, small, tiny, tmp_path):
         assert all(torch.equal(ours[key], theirs[key]) for key in ours)
 
 
+def test_an_interrupt_while_weights_change_leaves_the_last_checkpoint(small, tiny, tmp_path, monkeypatch):
+    trainer = Trainer(tiny(), replace(CONFIG, save_every=2), small, tmp_path)
+
+    def stopped(*_):
+        if trainer.step == 3:
+            raise Stopped
+        return usual()
+
+    usual = trainer.learner.optimizer.step
+    monkeypatch.setattr(trainer.learner.optimizer, "step", stopped)
+    with pytest.raises(Stopped):
+        trainer.run(lambda *_: None)
+    assert load_tensors(tmp_path / STATE)[1]["step"] == 2
+
+
 def test_what_it_leaves_is_the_averaged_model(small, tiny, tmp_path):
     trainer = Trainer(tiny(), CONFIG, small, tmp_path)
     trained(trainer)
@@ -115,7 +130,7 @@ class AtOnce:
     def map(self, call, *columns):
         return list(map(call, *columns))
 
-    def shutdown(self, *, cancel_futures=False):
+    def shutdown(self, *, wait, cancel_futures):
         """Nothing is under way."""
 
 

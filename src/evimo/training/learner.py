@@ -34,6 +34,9 @@ class Learner:
         self.average = {name: value.detach().clone() for name, value in model.state_dict().items()}
         self._names: list[str] = []
         self._pass: Pass | None = None
+        self.replays_graph = False
+        self.whole = True
+        """Whether weights, moments and average are of one step: not where an interrupt came while they changed."""
 
     def learn(self, batch: Batch, *, rate: float, keep: float) -> dict[str, float]:
         """Learn from this process's share of a batch; returns the loss and its terms of the whole batch.
@@ -42,6 +45,8 @@ class Learner:
             batch: on the CPU.
             rate: of learning.
             keep: decay of the moving average.
+
+        Leaves `whole` to be set by the caller, when the step is counted.
         """
         for group in self.optimizer.param_groups:
             group["lr"] = rate
@@ -49,6 +54,7 @@ class Learner:
         said = self._pass(batch)
         gradients = [value.grad for value in self.model.parameters() if value.grad is not None]
         self.team.sum([said, *gradients])
+        self.whole = False
         norm = torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
         if torch.isfinite(norm):  # one sick sample may not spoil the run
             self.optimizer.step()
@@ -85,7 +91,9 @@ class Learner:
         if self.device.type != "cuda" or batch.events is not None:
             return self._eager_pass
         try:
-            return captured(self._eager_pass, batch)
+            replayed = captured(self._eager_pass, batch)
+            self.replays_graph = True
+            return replayed
         except RuntimeError as error:
             problem = f"training step by step, as a CUDA graph cannot hold it: {error}"
             warnings.warn(EvimoWarning(problem), stacklevel=2)

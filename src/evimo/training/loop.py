@@ -61,14 +61,18 @@ class Trainer:
                     if self.step % self.config.save_every == 0 and self.step < self.config.steps:
                         self.save()
         finally:
-            self.save()
+            if self.learner.whole:
+                self.save()
 
     def _one_step(self, batch: Batch) -> dict[str, float]:
         done = self.step / self.config.steps
         rise = min(1.0, (self.step + 1) / self.config.warm_up)
         rate = self.config.learning_rate * rise * (0.01 + 0.99 * 0.5 * (1 + cos(pi * done)))
+        keep = min(self.config.average, (self.step + 1) / (self.step + 11))
+        said = self.learner.learn(batch, rate=rate, keep=keep)
         self.step += 1
-        return self.learner.learn(batch, rate=rate, keep=min(self.config.average, self.step / (self.step + 10)))
+        self.learner.whole = True
+        return said
 
     @contextmanager
     def _batches(self) -> Generator[Iterator[Batch]]:
@@ -89,8 +93,8 @@ class Trainer:
         try:
             yield following()
         finally:
-            ahead.shutdown(cancel_futures=True)
-            threads.shutdown()
+            for executor in (ahead, threads):
+                executor.shutdown(wait=False, cancel_futures=True)  # it may be waiting for a scene
 
     def _batch(self, step: int, threads: ThreadPoolExecutor) -> Batch:
         places = self.team.places(self.config.batch)
