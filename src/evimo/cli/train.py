@@ -60,7 +60,7 @@ def train(
         samples_per_slice: how often a filmed slice is learned from, on average; fewer wait longer for scenes.
         device: `cpu` or `cuda`, which trains and films.
         workers: processes that film, for each process that trains; by default the cores but one.
-        threads: of the CPU; all by default.
+        threads: of the CPU that train; by default all, or as many as workers leave.
     """
     from evimo.training.config import TrainConfig
 
@@ -75,13 +75,10 @@ def train(
     )
     if find_spec("torch") is None or find_spec("tensorboard") is None:
         raise MissingExtra("training needs torch and tensorboard", fix='pip install "evimo[train]"')
-    import torch
-
     from evimo.training.start import Place
 
-    if threads:
-        torch.set_num_threads(threads)
-    place = Place(out=out, device=device, workers=workers or max(1, (os.cpu_count() or 2) - 1))
+    workers = workers or max(1, (os.cpu_count() or 2) - 1)
+    place = Place(out=out, device=device, workers=workers, threads=threads)
     _train(list(data), preset, config, place, validation=(list(validate), validate_every))
 
 

@@ -1,5 +1,6 @@
 """From folders and a preset to a trainer that is ready to run."""
 
+import os
 import sys
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -30,11 +31,14 @@ class Place:
     """Where a run trains and writes; none of it changes what is learned.
 
     out: folder of the run. device: `cpu` or `cuda`. workers: processes that film, for each process that trains.
+    threads: of the CPU that train; None is all, or the cores that workers leave: several threads that share cores
+        with other processes wait for each other, and train ten times slower than one.
     """
 
     out: Path
     device: str = "cpu"
     workers: int = 1
+    threads: int | None = None
 
 
 @contextmanager
@@ -57,6 +61,8 @@ def started(
     """
     check_data(data, config)
     device = training_device(place.device)
+    if place.threads or config.simulate:
+        torch.set_num_threads(place.threads or max(1, (os.cpu_count() or 1) - place.workers))
     torch.manual_seed(config.seed)
     model = MotionNet(PRESETS[preset]).to(device) if preset in PRESETS else load_model(preset, device=device)
     with joined_team(device) as team, ExitStack() as films:
