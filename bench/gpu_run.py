@@ -112,7 +112,7 @@ def trained(options: argparse.Namespace, report: dict[str, Any], until_s: float)
     """Train until a time of `time.perf_counter`, or to the last step."""
     from evimo.training.config import TrainConfig
     from evimo.training.logs import log_rows
-    from evimo.training.start import Place, started
+    from evimo.training.start import Workplace, started
 
     config = TrainConfig(
         steps=options.steps,
@@ -138,8 +138,8 @@ def trained(options: argparse.Namespace, report: dict[str, Any], until_s: float)
         scratch = Path(name)
         if options.state and (options.state / "state.json").exists():
             join_state(options.state, scratch)
-        place = Place(out=scratch, device=options.device, workers=options.workers)
-        with started([], options.preset, config, place, progress=lambda *_: None) as trainer:
+        workplace = Workplace(out=scratch, device=options.device, workers=options.workers)
+        with started([], options.preset, config, workplace, progress=lambda *_: None) as trainer:
             report["begun_at_step"], saved_s = trainer.step, time.perf_counter()
             with log_rows(scratch / LOG, trainer.step) as log:
 

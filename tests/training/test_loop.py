@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from evimo.errors import BadFile, BadInput
+from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.model.checkpoint import load_model, load_tensors
 from evimo.training import learner, loop
 from evimo.training.config import TrainConfig
-from evimo.training.data import samples_of
+from evimo.training.data import drawn_row, samples_of, stacked
 from evimo.training.loop import MODEL, STATE, Trainer
 from evimo.training.sources import from_folders
 
@@ -146,6 +146,21 @@ def test_its_pace_is_told(small, tiny, tmp_path):
     trained(trainer)
     assert trainer.pace.samples_per_s > 2 * 2 / (time.perf_counter() - begun_s)  # without the first step, which is slow
     assert 0 <= trainer.pace.waited < 1
+
+
+def test_what_a_graph_cannot_hold_is_learned_without_one(small, tiny, tmp_path, monkeypatch):
+    def refused(*_):
+        raise RuntimeError("not permitted")
+
+    trainer = Trainer(tiny(), CONFIG, small, tmp_path)
+    eager, batch = trainer.learner._eager_pass, stacked([drawn_row(small(0, [0])[0][0], np.random.default_rng(0))])
+    monkeypatch.setattr(learner, "captured", refused)
+    monkeypatch.setattr(trainer.learner, "device", torch.device("cuda"))
+    with pytest.warns(EvimoWarning, match="not permitted"):
+        assert trainer.learner._fastest_pass(batch) == eager
+    monkeypatch.setattr(learner, "captured", lambda step, batch: (step, batch))
+    assert trainer.learner._fastest_pass(batch) == (eager, batch)
+    assert trainer.learner.replays_graph
 
 
 def test_batches_differ_by_seed_and_step(small, tiny, tmp_path):

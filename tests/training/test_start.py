@@ -9,7 +9,7 @@ from evimo.errors import BadFile, BadInput, NotFound
 from evimo.training import start as module
 from evimo.training.config import TrainConfig
 from evimo.training.logs import log_rows
-from evimo.training.start import Place, started, training_samples
+from evimo.training.start import Workplace, started, training_samples
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path)
     config, data = TrainConfig(steps=1, batch=1), on_disk()
 
     def begun(config):
-        with started(data, "tiny", config, Place(out=tmp_path / "run"), progress=lambda *_: None) as trainer:
+        with started(data, "tiny", config, Workplace(out=tmp_path / "run"), progress=lambda *_: None) as trainer:
             return trainer
 
     one, same, other = begun(config), begun(config), begun(replace(config, seed=1))
@@ -63,31 +63,35 @@ def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("preset", "config", "place", "words"),
+    ("preset", "config", "workplace", "words"),
     [
         ("huge", {}, {}, "huge"),
         ("tiny", {"simulate": ("circus",)}, {}, "circus"),
         ("tiny", {}, {"device": "tpu"}, "no device 'tpu'"),
     ],
 )
-def test_what_is_wrong_is_said_before_anything_is_prepared(preset, config, place, words, tmp_path):
+def test_what_is_wrong_is_said_before_anything_is_prepared(preset, config, workplace, words, tmp_path):
     run = started(
-        [tmp_path], preset, TrainConfig(**config), Place(out=tmp_path, **place), progress=lambda *_: pytest.fail("late")
+        [tmp_path],
+        preset,
+        TrainConfig(**config),
+        Workplace(out=tmp_path, **workplace),
+        progress=lambda *_: pytest.fail("late"),
     )
     with pytest.raises((NotFound, BadInput), match=words), run:
         pass
 
 
 def test_nothing_to_learn_from(tmp_path):
-    run = started([], "tiny", TrainConfig(), Place(out=tmp_path), progress=lambda *_: None)
+    run = started([], "tiny", TrainConfig(), Workplace(out=tmp_path), progress=lambda *_: None)
     with pytest.raises(BadInput, match="--simulate"), run:
         pass
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_no_gpu_is_said(tmp_path):
-    place = Place(out=tmp_path, device="cuda")
-    run = started([], "tiny", TrainConfig(simulate=("replica",)), place, progress=lambda *_: None)
+    workplace = Workplace(out=tmp_path, device="cuda")
+    run = started([], "tiny", TrainConfig(simulate=("replica",)), workplace, progress=lambda *_: None)
     with pytest.raises(BadInput, match="--device cpu"), run:
         pass
 

@@ -15,7 +15,7 @@ from evimo.errors import MissingExtra
 if TYPE_CHECKING:
     from evimo.training.config import TrainConfig
     from evimo.training.loop import Trainer
-    from evimo.training.start import Place
+    from evimo.training.start import Workplace
 
 Report = Callable[[int, dict[str, float]], None]
 
@@ -75,15 +75,15 @@ def train(
     )
     if find_spec("torch") is None or find_spec("tensorboard") is None:
         raise MissingExtra("training needs torch and tensorboard", fix='pip install "evimo[train]"')
-    from evimo.training.start import Place
+    from evimo.training.start import Workplace
 
     workers = workers or max(1, (os.cpu_count() or 2) - 1)
-    place = Place(out=out, device=device, workers=workers, threads=threads)
-    _train(list(data), preset, config, place, validation=(list(validate), validate_every))
+    workplace = Workplace(out=out, device=device, workers=workers, threads=threads)
+    _train(list(data), preset, config, workplace, validation=(list(validate), validate_every))
 
 
 def _train(
-    data: list[Path], preset: str, config: "TrainConfig", place: "Place", *, validation: tuple[list[Path], int]
+    data: list[Path], preset: str, config: "TrainConfig", workplace: "Workplace", *, validation: tuple[list[Path], int]
 ) -> None:
     """Prepare, train, export, with a bar for each."""
     from evimo.model.export import export
@@ -96,13 +96,14 @@ def _train(
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, TextColumn("{task.fields[facts]}")) as progress:
+    silent = os.environ.get("RANK", "0") != "0"  # of several processes one talks
+    with Progress(*columns, TextColumn("{task.fields[facts]}"), disable=silent) as progress:
 
         def prepared(done: int, total: int) -> None:
             progress.update(preparing, completed=done, total=total)
 
         preparing = progress.add_task("prepare", total=None, facts="")
-        with started(data, preset, config, place, progress=prepared) as trainer:
+        with started(data, preset, config, workplace, progress=prepared) as trainer:
             progress.remove_task(preparing)
             steps_task = progress.add_task("train", total=config.steps, completed=trainer.step, facts="")
 
@@ -114,7 +115,7 @@ def _train(
             with _noted(trainer, *validation, show) as report:
                 trainer.run(report)
     if not trainer.team.rank:
-        export(trainer.averaged(), place.out / "model.onnx")
+        export(trainer.averaged(), workplace.out / "model.onnx")
 
 
 @contextmanager

@@ -24,14 +24,14 @@ def filming(plan: FilmPlan, *, workers: int) -> Generator[Source]:
     Steps must follow each other, and places be the same at each. A worker films what its own places need, in the order
     of need, and waits when it is one recording ahead: nothing piles up, and no batch depends on who was faster.
     """
-    pool = _Pool(plan, workers)
+    studio = _Studio(plan, workers)
     try:
-        yield pool
+        yield studio
     finally:
-        pool.close()
+        studio.close()
 
 
-class _Pool:
+class _Studio:
     """The recordings that the places of a batch draw from now, and the processes that film the next ones."""
 
     def __init__(self, plan: FilmPlan, workers: int) -> None:

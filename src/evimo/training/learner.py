@@ -79,12 +79,16 @@ class Learner:
     def restore(self, tensors: dict[str, Tensor]) -> None:
         """Go on from what `state` returned."""
         self.model.load_state_dict(_part(tensors, "model."))
-        self.average = {name: value.to(self.device) for name, value in _part(tensors, "average.").items()}
+        average = _part(tensors, "average.")
+        self.average = {name: _like(value, average[name]) for name, value in self.model.state_dict().items()}
         state: dict[int, dict[str, Tensor]] = {}
         for name, value in _part(tensors, "adam.").items():
             number, key = name.split(".", 1)
             state.setdefault(int(number), {})[key] = value
         self.optimizer.load_state_dict({**self.optimizer.state_dict(), "state": state})
+        for parameter, moments in self.optimizer.state.items():
+            for name in ("exp_avg", "exp_avg_sq"):
+                moments[name] = _like(parameter, moments[name])
 
     def _fastest_pass(self, batch: Batch) -> Pass:
         """From a CUDA graph where that can be; a batch with events has no fixed size."""
@@ -107,6 +111,11 @@ class Learner:
         (loss * share).backward()
         self._names = ["loss", *terms]
         return torch.stack([loss.detach(), *terms.values()]) * share
+
+
+def _like(model: Tensor, value: Tensor) -> Tensor:
+    """The value on the device and in the memory layout of another tensor: mixed layouts are updated one by one."""
+    return torch.empty_like(model, requires_grad=False).copy_(value)
 
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -27,7 +27,7 @@ from evimo.training.sources import Source, joined
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class Workplace:
     """Where a run trains and writes; none of it changes what is learned.
 
     out: folder of the run. device: `cpu` or `cuda`. workers: processes that film, for each process that trains.
@@ -43,7 +43,7 @@ class Place:
 
 @contextmanager
 def started(
-    data: list[Path], preset: str, config: TrainConfig, place: Place, *, progress: Callable[[int, int], None]
+    data: list[Path], preset: str, config: TrainConfig, workplace: Workplace, *, progress: Callable[[int, int], None]
 ) -> Generator[Trainer]:
     """A trainer that is ready to run, for as long as the `with` lasts; it goes on from the folder's checkpoint.
 
@@ -51,7 +51,7 @@ def started(
         data: folders of recordings; none where all is simulated.
         preset: name of a shape, or a .safetensors file to train further.
         config: of the run.
-        place: where.
+        workplace: where.
         progress: gets how many recordings are prepared, of how many.
 
     Raises:
@@ -60,9 +60,9 @@ def started(
         BadFile: a recording or the checkpoint is damaged.
     """
     check_data(data, config)
-    device = training_device(place.device)
-    if place.threads or config.simulate:
-        torch.set_num_threads(place.threads or max(1, (os.cpu_count() or 1) - place.workers))
+    device = training_device(workplace.device)
+    if workplace.threads or config.simulate:
+        torch.set_num_threads(workplace.threads or max(1, (os.cpu_count() or 1) - workplace.workers))
     torch.manual_seed(config.seed)
     model = MotionNet(PRESETS[preset]).to(device) if preset in PRESETS else load_model(preset, device=device)
     with joined_team(device) as team, ExitStack() as films:
@@ -71,8 +71,8 @@ def started(
         samples = training_samples(data, progress) if data else None
         if not team.rank:
             team.wait()
-        filmed = films.enter_context(_films(config, place)) if config.simulate else None
-        trainer = Trainer(model, config, joined(samples, filmed, len(config.simulate)), place.out, team=team)
+        filmed = films.enter_context(_films(config, workplace)) if config.simulate else None
+        trainer = Trainer(model, config, joined(samples, filmed, len(config.simulate)), workplace.out, team=team)
         trainer.resume()
         yield trainer
 
@@ -89,17 +89,17 @@ def check_data(data: list[Path], config: TrainConfig) -> None:
         raise BadInput("nothing to learn from", fix="folders of recordings, or --simulate replica,stress")
 
 
-def _films(config: TrainConfig, place: Place) -> AbstractContextManager[Source]:
-    check_device(place.device)
-    check_workers(place.workers)
+def _films(config: TrainConfig, workplace: Workplace) -> AbstractContextManager[Source]:
+    check_device(workplace.device)
+    check_workers(workplace.workers)
     plan = FilmPlan(
         populations=config.simulate,
         batch=config.batch,
         seed=config.seed,
         samples_per_slice=config.samples_per_slice,
-        device=place.device,
+        device=workplace.device,
     )
-    return filming(plan, workers=place.workers)
+    return filming(plan, workers=workplace.workers)
 
 
 def training_samples(data: list[Path], progress: Callable[[int, int], None]) -> Samples:
