@@ -5,19 +5,22 @@ import sys
 
 import numpy as np
 import pytest
+import torch
 
 from evimo.cli import main
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 from evimo.streaming.inference import Network
 
-LEFT = ["log.csv", "model.first.onnx", "model.onnx", "model.safetensors", "state.safetensors"]
+LEFT = ["log.csv", "model.first.onnx", "model.onnx", "model.safetensors", "state.safetensors", "tensorboard"]
+
+pytest.importorskip("tensorboard", reason="TensorBoard is not installed: it comes with evimo[train]")
 
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """Two simulated recordings of 0.1 s and 64x48 px."""
+    """Two simulated recordings of 0.15 s and 64x48 px."""
     out = tmp_path_factory.mktemp("simulated")
-    plan = DatasetPlan(set_number=1, minutes=0.2 / 60, seed=3, seconds=0.1, camera="evimo", size=(48, 64))
+    plan = DatasetPlan(set_number=1, minutes=0.3 / 60, seed=3, seconds=0.15, camera="evimo", size=(48, 64))
     assert len(list(simulate_dataset(plan, out))) == 2
     return out
 
@@ -65,11 +68,34 @@ def test_other_options_in_the_same_folder_are_refused(run, capsys):
     assert "another seed" in capsys.readouterr().err
 
 
+@pytest.mark.slow
+def test_scenes_are_filmed_meanwhile_beside_a_folder_and_scores_are_told(recordings, tmp_path):
+    folders = [str(recordings), "--validate", str(recordings), str(recordings), "--validate-every", "1"]
+    options = ["--preset", "tiny", "--steps", "2", "--batch", "2", "--workers", "2", "--threads", "1"]
+    trained(["train", *folders, "--simulate", "replica,stress", "--out", str(tmp_path), *options])
+    assert sorted(path.name for path in tmp_path.iterdir()) == [*LEFT, "validation.csv"]
+    with (tmp_path / "validation.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["step"] for row in rows] == ["1", "2"]
+    assert 0 <= float(rows[1]["event_iou"]) <= 1
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_no_gpu_is_one_clear_error(tmp_path, capsys):
+    options = ["--simulate", "replica", "--device", "cuda", "--out", str(tmp_path / "run")]
+    assert main(["train", *options]) == 2
+    assert capsys.readouterr().err == (
+        "error: no NVIDIA GPU that PyTorch can use\n  try: --device cpu, or see what nvidia-smi says\n"
+    )
+    assert not (tmp_path / "run").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["--preset", "huge"], "no model 'huge'"),
         (["--recipe", "soup"], "no recipe 'soup'"),
+        (["--simulate", "replica,circus"], "no population 'circus'"),
         (["--preset", "missing.safetensors"], "no model 'missing.safetensors'"),
     ],
 )

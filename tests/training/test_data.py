@@ -8,14 +8,15 @@ from torch.nn.functional import max_pool2d
 from evimo.geometry.grids import normalised_grid, resized_intrinsics
 from evimo.geometry.motion_field import motion_field
 from evimo.training import disturbance
-from evimo.training.data import drawn_batch, drawn_sample, samples_of, stack_of, true_motion, whole_batch
+from evimo.training.data import drawn_row, drawn_sample, samples_of, stack_of, stacked, true_motion, whole_batch
 
 ABOVE = slice(0, 12)  # rows of the wall above the box of 36x54 px
 INNER = slice(4, -4)  # columns whose dots neither came from the edge nor reach it
 
 
-def drawn(samples, seed, **how):
-    return drawn_batch(samples, 4, np.random.default_rng(seed), **how)
+def drawn(samples, seed, *, size=4, **how):
+    rng = np.random.default_rng(seed)
+    return stacked([drawn_row(samples, rng) for _ in range(size)], **how)
 
 
 def half_grid(batch):
@@ -172,9 +173,7 @@ def test_a_large_image_is_cropped_and_intrinsics_go_along(recording):
     fx, fy, cx, cy = world.intrinsics
     row, column = np.mgrid[:200, :250]
     depth = 1 + np.abs(column - cx) / fx + 3 * np.abs(row - cy) / fy
-    batch = drawn_batch(
-        samples_of([replace(world, depth=np.stack([depth] * 3).astype(np.float16))]), 12, np.random.default_rng(0)
-    )
+    batch = drawn(samples_of([replace(world, depth=np.stack([depth] * 3).astype(np.float16))]), 0, size=12)
     assert batch.depth_valid.all() and batch.valid.all()
     x, y = half_grid(batch).abs().split(1, dim=1)
     torch.testing.assert_close(batch.depth, 1 + x + 3 * y, atol=0.02, rtol=0)
@@ -211,7 +210,7 @@ def test_dropped_outer_slices_have_no_events(recording):
 def test_some_samples_know_their_rotation(recording):
     world = recording()
     world.ego[:, 3:] = 0.9, -0.6, 0.7
-    batch = drawn_batch(samples_of([world]), 120, np.random.default_rng(0))
+    batch = drawn(samples_of([world]), 0, size=120)
     known = batch.rotation[:, 3] == 1
     assert known.float().mean().item() == pytest.approx(0.3, abs=0.12)
     assert not batch.rotation[~known].any()

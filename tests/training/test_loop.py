@@ -1,3 +1,4 @@
+import time
 from concurrent.futures import Future
 from dataclasses import replace
 
@@ -7,10 +8,11 @@ import torch
 
 from evimo.errors import BadFile, BadInput
 from evimo.model.checkpoint import load_model, load_tensors
-from evimo.training import loop as module
+from evimo.training import learner, loop
 from evimo.training.config import TrainConfig
 from evimo.training.data import samples_of
 from evimo.training.loop import MODEL, STATE, Trainer
+from evimo.training.sources import from_folders
 
 CONFIG = TrainConfig(steps=6, batch=2, warm_up=2, save_every=4)
 
@@ -38,7 +40,7 @@ def trained(trainer, *, stop_after=None):
 
 @pytest.fixture
 def small(recording, small_crops):
-    return samples_of([recording(slices=4)])
+    return from_folders(samples_of([recording(slices=4)]))
 
 
 @pytest.mark.parametrize("bfloat16", [True, False])
@@ -92,32 +94,43 @@ def test_an_unknown_recipe(small, tiny, tmp_path):
 
 def test_one_sick_sample_does_not_spoil_the_run(recording, small_crops, tiny, tmp_path):
     sick = replace(recording(slices=4), ego=np.full((4, 6), np.nan, np.float32))
-    trainer = Trainer(tiny(), replace(CONFIG, steps=1), samples_of([sick]), tmp_path)
-    before = {name: value.clone() for name, value in trainer.model.state_dict().items()}
+    trainer = Trainer(tiny(), replace(CONFIG, steps=1), from_folders(samples_of([sick])), tmp_path)
+    before = {name: value.clone() for name, value in trainer.learner.model.state_dict().items()}
     ((_, loss),) = trained(trainer)
     assert np.isnan(loss)
-    assert all(torch.equal(before[name], value) for name, value in trainer.model.state_dict().items())
+    assert all(torch.equal(before[name], value) for name, value in trainer.learner.model.state_dict().items())
 
 
 class AtOnce:
     """An executor that does what it is asked in the caller's own thread."""
 
     def __init__(self, workers):
-        assert workers == 1
+        assert workers >= 1
 
     def submit(self, call, *arguments):
         future = Future()
         future.set_result(call(*arguments))
         return future
 
-    def shutdown(self, *, cancel_futures):
-        assert cancel_futures
+    def map(self, call, *columns):
+        return list(map(call, *columns))
+
+    def shutdown(self, *, cancel_futures=False):
+        """Nothing is under way."""
 
 
 def test_drawing_beside_the_learning_changes_nothing(small, tiny, tmp_path, monkeypatch):
     beside = trained(Trainer(tiny(), CONFIG, small, tmp_path / "beside"))
-    monkeypatch.setattr(module, "ThreadPoolExecutor", AtOnce)
+    monkeypatch.setattr(loop, "ThreadPoolExecutor", AtOnce)
     assert trained(Trainer(tiny(), CONFIG, small, tmp_path / "alone")) == beside
+
+
+def test_its_pace_is_told(small, tiny, tmp_path):
+    trainer = Trainer(tiny(), replace(CONFIG, steps=3), small, tmp_path)
+    begun_s = time.perf_counter()
+    trained(trainer)
+    assert trainer.pace.samples_per_s > 2 * 2 / (time.perf_counter() - begun_s)  # without the first step, which is slow
+    assert 0 <= trainer.pace.waited < 1
 
 
 def test_batches_differ_by_seed_and_step(small, tiny, tmp_path):
@@ -136,12 +149,12 @@ def rates(small, tiny, tmp_path, monkeypatch):
     """Learning rates, as shares of the highest, of the steps of a run that learns next to nothing."""
 
     def of_run(begin=0, **config):
-        monkeypatch.setattr(module, "objective", lambda model, *_: (next(model.parameters()).sum(), {}))
+        monkeypatch.setattr(learner, "objective", lambda model, *_: (next(model.parameters()).sum(), {}))
         config = TrainConfig(batch=1, learning_rate=0.01, bfloat16=False, save_every=10**9, **config)
         trainer = Trainer(tiny(), config, small, tmp_path)
         trainer.step = begin
         found = []
-        trainer.run(lambda *_: found.append(trainer.optimizer.param_groups[0]["lr"] / 0.01))
+        trainer.run(lambda *_: found.append(trainer.learner.optimizer.param_groups[0]["lr"] / 0.01))
         return found
 
     return of_run

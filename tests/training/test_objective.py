@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import torch
 from torch import Tensor
+from torch.utils._python_dispatch import TorchDispatchMode
 
 from evimo.errors import BadInput
 from evimo.geometry.grids import resized_intrinsics
@@ -13,7 +14,7 @@ from evimo.losses.depth import mean_over
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import Prediction
 from evimo.training.batches import Batch
-from evimo.training.data import drawn_batch, true_motion, whole_batch
+from evimo.training.data import drawn_row, stacked, true_motion, whole_batch
 from evimo.training.objective import at_scale, directions, first_terms, objective, slice_frames, taken_out, terms
 from evimo.training.recipes import RECIPES, Recipe
 
@@ -226,7 +227,8 @@ def test_what_is_taken_out_is_the_flow_of_the_static_world(batch):
 def test_every_parameter_is_reached(name, samples, tiny, small_crops):
     """Also by the paper's losses: flow and twist are supervised by warping, through the fits, in both passes."""
     model = tiny().train()
-    batch = drawn_batch(samples, 2, np.random.default_rng(3), events=True)
+    rng = np.random.default_rng(3)
+    batch = stacked([drawn_row(samples, rng) for _ in range(2)], events=True)
     loss, said = objective(model, batch, RECIPES[name])
     loss.backward()
     unreached = [key for key, value in model.named_parameters() if value.grad is None or not value.grad.any()]
@@ -239,7 +241,7 @@ def test_the_loss_is_the_weighted_sum_of_what_it_says(batch, tiny):
     with torch.no_grad():
         loss, said = objective(tiny(), batch, SHIPPED)
     weights = SHIPPED.weights | {f"first_{name}": weight for name, weight in SHIPPED.first.items()}
-    assert loss.item() == pytest.approx(sum(weights[name] * value for name, value in said.items()), rel=1e-4)
+    assert loss.item() == pytest.approx(sum(weights[name] * value.item() for name, value in said.items()), rel=1e-4)
 
 
 def test_the_first_pass_learns_nothing_from_the_second(batch, tiny):
@@ -253,6 +255,47 @@ def test_the_first_pass_learns_nothing_from_the_second(batch, tiny):
 def test_the_fine_warp_wants_events(batch, tiny):
     with pytest.raises(BadInput, match="events"):
         objective(tiny(), batch, PAPER)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_the_loss_of_a_batch_is_the_mean_of_its_samples(name, samples, tiny, small_crops):
+    """So that processes may share a batch: neither the network nor a loss mixes samples, nor weighs them."""
+    model, rng = tiny().train(), np.random.default_rng(4)
+    rows = [drawn_row(samples, rng) for _ in range(3)]
+
+    def learned(rows):
+        model.zero_grad()
+        loss, _ = objective(model, stacked(rows, events=True), RECIPES[name])
+        loss.backward()
+        return torch.cat((loss.detach()[None], *(value.grad.flatten() for value in model.parameters())))
+
+    alone = torch.stack([learned([row]) for row in rows]).mean(0)
+    torch.testing.assert_close(learned(rows), alone, rtol=1e-3, atol=1e-4)
+
+
+class FromHost(TorchDispatchMode):
+    """Notes what a CUDA graph cannot hold: numbers for Python, tensors of its lists, masks as indices."""
+
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        name = func.overloadpacket.__name__
+        masks = [each for each in args[1] if each is not None] if name == "index" else []
+        if name in ("_local_scalar_dense", "nonzero", "lift_fresh") or any(m.dtype == torch.bool for m in masks):
+            self.found.append(name)
+        return func(*args, **(kwargs or {}))
+
+
+def test_a_step_asks_nothing_of_the_host(batch, tiny):
+    model = tiny().train().compute_in(torch.bfloat16)
+    with FromHost() as mode:
+        loss, _ = objective(model, batch, SHIPPED)
+        loss.backward()
+        assert mode.found == []
+        loss.item()
+    assert mode.found == ["_local_scalar_dense"]
 
 
 @pytest.mark.slow

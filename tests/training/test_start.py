@@ -3,11 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
-from evimo.errors import BadFile, NotFound
+from evimo.errors import BadFile, BadInput, NotFound
 from evimo.training import start as module
 from evimo.training.config import TrainConfig
-from evimo.training.start import log_rows, start, training_samples
+from evimo.training.logs import log_rows
+from evimo.training.start import Place, started, training_samples
 
 
 @pytest.fixture
@@ -49,19 +51,45 @@ def test_nothing_but_recordings_without_events(on_disk):
 def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path):
     config, data = TrainConfig(steps=1, batch=1), on_disk()
 
-    def started(config):
-        return start(data, "tiny", config, tmp_path / "run", progress=lambda *_: None)
+    def begun(config):
+        with started(data, "tiny", config, Place(out=tmp_path / "run"), progress=lambda *_: None) as trainer:
+            return trainer
 
-    one, same, other = started(config), started(config), started(replace(config, seed=1))
-    weights = [next(iter(trainer.model.parameters())) for trainer in (one, same, other)]
+    one, same, other = begun(config), begun(config), begun(replace(config, seed=1))
+    weights = [next(iter(trainer.learner.model.parameters())) for trainer in (one, same, other)]
     assert weights[0].equal(weights[1]) and not weights[0].equal(weights[2])
     one.run(lambda *_: None)
-    assert started(config).step == 1
+    assert begun(config).step == 1
 
 
-def test_a_wrong_preset_is_said_before_anything_is_prepared(tmp_path):
-    with pytest.raises(NotFound, match="huge"):
-        start([tmp_path], "huge", TrainConfig(), tmp_path, progress=lambda *_: pytest.fail("too late"))
+@pytest.mark.parametrize(
+    ("preset", "config", "place", "words"),
+    [
+        ("huge", {}, {}, "huge"),
+        ("tiny", {"simulate": ("circus",)}, {}, "circus"),
+        ("tiny", {}, {"device": "tpu"}, "no device 'tpu'"),
+    ],
+)
+def test_what_is_wrong_is_said_before_anything_is_prepared(preset, config, place, words, tmp_path):
+    run = started(
+        [tmp_path], preset, TrainConfig(**config), Place(out=tmp_path, **place), progress=lambda *_: pytest.fail("late")
+    )
+    with pytest.raises((NotFound, BadInput), match=words), run:
+        pass
+
+
+def test_nothing_to_learn_from(tmp_path):
+    run = started([], "tiny", TrainConfig(), Place(out=tmp_path), progress=lambda *_: None)
+    with pytest.raises(BadInput, match="--simulate"), run:
+        pass
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_no_gpu_is_said(tmp_path):
+    place = Place(out=tmp_path, device="cuda")
+    run = started([], "tiny", TrainConfig(simulate=("replica",)), place, progress=lambda *_: None)
+    with pytest.raises(BadInput, match="--device cpu"), run:
+        pass
 
 
 def test_an_empty_folder(tmp_path):
@@ -69,12 +97,18 @@ def test_an_empty_folder(tmp_path):
         training_samples([tmp_path], lambda *_: None)
 
 
-def test_the_log_goes_on_under_one_header(tmp_path):
-    for step in (1, 2):
-        with log_rows(tmp_path / "log.csv") as row:
+def test_the_log_goes_on_under_one_header_after_the_step_of_the_checkpoint(tmp_path):
+    for step in (1, 2, 2):  # killed after the second step, before its checkpoint
+        with log_rows(tmp_path / "log.csv", step - 1) as row:
             row(step, {"loss": 1 / step, "mask": 0.25})
     with (tmp_path / "log.csv").open() as file:
         assert list(csv.reader(file)) == [["step", "loss", "mask"], ["1", "1", "0.25"], ["2", "0.5", "0.25"]]
+
+
+def test_a_log_without_rows_is_no_file(tmp_path):
+    with log_rows(tmp_path / "log.csv", 0):
+        pass
+    assert not (tmp_path / "log.csv").exists()
 
 
 def test_more_recordings_than_files_may_be_open(monkeypatch, on_disk):

@@ -1,18 +1,30 @@
-"""`evimo train`: train a model on simulated recordings."""
+"""`evimo train`: train a model on recordings, or on scenes that are simulated meanwhile."""
 
+import os
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from cyclopts import Parameter
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from evimo.errors import MissingExtra
 
 if TYPE_CHECKING:
     from evimo.training.config import TrainConfig
+    from evimo.training.loop import Trainer
+    from evimo.training.start import Place
+
+Report = Callable[[int, dict[str, float]], None]
 
 
 def train(
     *data: Path,
+    simulate: str = "",
+    validate: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
+    validate_every: int = 500,
     preset: str = "small",
     out: Path,
     recipe: str = "shipped",
@@ -20,46 +32,66 @@ def train(
     batch: int = 8,
     learning_rate: float = 2e-3,
     seed: int = 0,
-    device: str = "cpu",
+    samples_per_slice: int = 4,
+    device: Literal["cpu", "cuda"] = "cpu",
+    workers: int | None = None,
     threads: int | None = None,
 ) -> None:
     """Train on simulated recordings; the same command again goes on where it stopped.
 
     Leaves `model.safetensors` (averaged weights with their configuration), `model.onnx` with `model.first.onnx` (to
-    run) and `log.csv` in the output folder. Each recording is brought into its rectified image once, in a folder inside
-    it.
+    run), `log.csv`, `validation.csv` and curves for TensorBoard in the output folder. Each recording is brought into
+    its rectified image once, in a folder inside it. Several processes, each with its share of every batch, on one
+    machine or several that see the same folders: `torchrun --nproc-per-node N -m evimo.cli train ...`.
 
     Args:
         data: folders of recordings made by `evimo simulate`.
+        simulate: populations of scenes, `replica,stress` or one of them, with equal shares; they are drawn and filmed
+            while the model learns, and never stored. Recordings in folders are then one more population.
+        validate: folders of recordings to score the model on now and then.
+        validate_every: steps between scores.
         preset: a shape to start afresh, `base`, `small` or `tiny`, or a .safetensors file to train further.
         out: folder of the run.
         recipe: `shipped` (supervised by the simulator) or `paper` (its losses only).
         steps: batches.
-        batch: samples per batch.
+        batch: samples per batch, over all processes.
         learning_rate: highest; a half cosine follows.
         seed: of the first weights and of the batches.
-        device: `cpu` or `cuda`.
+        samples_per_slice: how often a filmed slice is learned from, on average; fewer wait longer for scenes.
+        device: `cpu` or `cuda`, which trains and films.
+        workers: processes that film, for each process that trains; by default the cores but one.
         threads: of the CPU; all by default.
     """
     from evimo.training.config import TrainConfig
 
-    config = TrainConfig(recipe=recipe, steps=steps, batch=batch, learning_rate=learning_rate, seed=seed)
-    _train(list(data), preset, config, out, device=device, threads=threads)
+    config = TrainConfig(
+        recipe=recipe,
+        steps=steps,
+        batch=batch,
+        learning_rate=learning_rate,
+        seed=seed,
+        simulate=tuple(name.strip() for name in simulate.split(",") if name.strip()),
+        samples_per_slice=samples_per_slice,
+    )
+    if find_spec("torch") is None or find_spec("tensorboard") is None:
+        raise MissingExtra("training needs torch and tensorboard", fix='pip install "evimo[train]"')
+    import torch
+
+    from evimo.training.start import Place
+
+    if threads:
+        torch.set_num_threads(threads)
+    place = Place(out=out, device=device, workers=workers or max(1, (os.cpu_count() or 2) - 1))
+    _train(list(data), preset, config, place, validation=(list(validate), validate_every))
 
 
 def _train(
-    data: list[Path], preset: str, config: "TrainConfig", out: Path, *, device: str, threads: int | None
+    data: list[Path], preset: str, config: "TrainConfig", place: "Place", *, validation: tuple[list[Path], int]
 ) -> None:
     """Prepare, train, export, with a bar for each."""
-    try:
-        import torch
+    from evimo.model.export import export
+    from evimo.training.start import started
 
-        from evimo.model.export import export
-        from evimo.training.start import log_rows, start
-    except ImportError as error:
-        raise MissingExtra("training needs torch", fix='pip install "evimo[train]"') from error
-    if threads:
-        torch.set_num_threads(threads)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -73,15 +105,38 @@ def _train(
             progress.update(preparing, completed=done, total=total)
 
         preparing = progress.add_task("prepare", total=None, facts="")
-        trainer = start(data, preset, config, out, device=device, progress=prepared)
-        steps_task = progress.add_task("train", total=config.steps, completed=trainer.step, facts="")
+        with started(data, preset, config, place, progress=prepared) as trainer:
+            progress.remove_task(preparing)
+            steps_task = progress.add_task("train", total=config.steps, completed=trainer.step, facts="")
 
-        out.mkdir(parents=True, exist_ok=True)
-        with log_rows(out / "log.csv") as log:
+            def show(step: int, terms: dict[str, float]) -> None:
+                pace = trainer.pace
+                facts = f"loss {terms['loss']:.3f}, {pace.samples_per_s:.1f} samples/s, {pace.waited:.0%} waiting"
+                progress.update(steps_task, completed=step, facts=facts)
 
-            def report(step: int, terms: dict[str, float]) -> None:
-                log(step, terms)
-                progress.update(steps_task, completed=step, facts=f"loss {terms['loss']:.3f}")
+            with _noted(trainer, *validation, show) as report:
+                trainer.run(report)
+    if not trainer.team.rank:
+        export(trainer.averaged(), place.out / "model.onnx")
 
-            trainer.run(report)
-    export(trainer.averaged(), out / "model.onnx")
+
+@contextmanager
+def _noted(trainer: "Trainer", validate: list[Path], every: int, show: Report) -> Generator[Report]:
+    """What one process of a team does after each step: curves, scores now and then, the bar."""
+    if trainer.team.rank:
+        yield lambda step, terms: None
+        return
+    from evimo.training.curves import open_curves
+    from evimo.training.start import opened
+
+    recordings = opened(validate, lambda done, total: None)
+    trainer.out.mkdir(parents=True, exist_ok=True)
+    with open_curves(trainer.out, recordings, step=trainer.step) as curves:
+
+        def report(step: int, terms: dict[str, float]) -> None:
+            curves.learned(step, terms)
+            show(step, terms)
+            if recordings and (step % every == 0 or step == trainer.config.steps):
+                curves.validate(step, trainer.averaged())
+
+        yield report

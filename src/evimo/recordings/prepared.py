@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, NotFound
 from evimo.events.frames import FrameMaker, PixelTable
 from evimo.events.slices import SLICE_US, Slice, in_slices
+from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import Rectification, rectified
 from evimo.recordings.flow import true_flow
 from evimo.recordings.recording import Recording, open_recording
@@ -89,7 +91,10 @@ def prepare(folder: Path) -> Path:
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir()
     try:
-        arrays, intrinsics = _arrays(open_recording(folder))
+        recording = open_recording(folder)
+        if not len(recording):
+            raise BadFile(f"{folder} has no slice with truth", fix="simulate at least 0.025 s")
+        arrays, intrinsics = _arrays(recording.camera, _stored_slices(recording))
         for name, values in arrays.items():
             np.save(partial / f"{name}.npy", values)
         (partial / "camera.json").write_text(json.dumps({"intrinsics": intrinsics}))
@@ -116,25 +121,34 @@ def open_prepared(folder: Path) -> Prepared:
     return Prepared(intrinsics, **arrays)
 
 
-def _arrays(recording: Recording) -> tuple[dict[str, NDArray[Any]], list[float]]:
-    """Everything of one recording, by name, and its rectified intrinsics."""
-    if not len(recording):
-        raise BadFile(f"{recording.path} has no slice with truth", fix="simulate at least 0.025 s")
-    rectification = rectified(recording.camera)
-    maker = FrameMaker(PixelTable(*rectification.table()))
+def prepared_in_memory(camera: Camera, slices: Iterable[tuple[Slice, Truth]]) -> Prepared:
+    """The slices of a recording that no file holds, one at least, in the rectified image of its camera."""
+    arrays, intrinsics = _arrays(camera, slices)
+    return Prepared(np.array(intrinsics, np.float32), **arrays)
+
+
+def _stored_slices(recording: Recording) -> Iterator[tuple[Slice, Truth]]:
     stop_us = int(recording.times_us[-1]) + SLICE_US // 2
     slices = {s.centre_us: s for s in in_slices(recording.events.packets(), SLICE_US, start_us=0, stop_us=stop_us)}
-    pixels, _ = recording.camera.normalised(recording.camera.pixels())
-    grid = np.moveaxis(pixels, -1, 0)
-    rows: list[dict[str, NDArray[Any]]] = []
     for k, t_us in enumerate(recording.times_us.tolist()):
         if t_us not in slices:
             break  # the events end before the truth does
-        frame = maker.frame(slices[t_us].events, start_us=slices[t_us].start_us)
+        yield slices[t_us], recording.truth(k)
+
+
+def _arrays(camera: Camera, slices: Iterable[tuple[Slice, Truth]]) -> tuple[dict[str, NDArray[Any]], list[float]]:
+    """Everything of one recording, by name, and its rectified intrinsics."""
+    rectification = rectified(camera)
+    maker = FrameMaker(PixelTable(*rectification.table()))
+    pixels, _ = camera.normalised(camera.pixels())
+    grid = np.moveaxis(pixels, -1, 0)
+    rows: list[dict[str, NDArray[Any]]] = []
+    for slice_, truth in slices:
+        frame = maker.frame(slice_.events, start_us=slice_.start_us)
         rows.append(
             {"frames": frame.astype(np.float16)}
-            | _truth_row(recording.truth(k), grid, rectification)
-            | _event_row(slices[t_us], rectification)
+            | _truth_row(truth, grid, rectification)
+            | _event_row(slice_, rectification)
         )
     arrays = {name: np.stack([row[name] for row in rows]) for name in NAMES if name != "valid"}
     arrays |= {name: np.concatenate([row[name] for row in rows]) for name in EVENT_NAMES[:3]}

@@ -1,7 +1,9 @@
 """Batches for training: what the networks see, truth beside it, in the rectified image. Torch."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from evimo.geometry.warping import EventPoints
@@ -46,8 +48,15 @@ class Batch(NamedTuple):
     ego: Tensor
     events: EventPoints | None = None
 
-    def to(self, device: str) -> "Batch":
-        """The same batch on a device."""
-        tensors = [tensor.to(device) for tensor in self[:16]]
-        events = None if self.events is None else EventPoints(*(column.to(device) for column in self.events))
+    def to(self, device: torch.device) -> "Batch":
+        """The same batch on a device; from pinned memory, without waiting for it."""
+        return self._each(lambda tensor: tensor.to(device, non_blocking=True))
+
+    def pinned(self) -> "Batch":
+        """The same batch in memory that a GPU reads by itself."""
+        return self._each(Tensor.pin_memory)
+
+    def _each(self, change: Callable[[Tensor], Tensor]) -> "Batch":
+        tensors = [change(tensor) for tensor in self[:16]]
+        events = None if self.events is None else EventPoints(*(change(column) for column in self.events))
         return Batch(*tensors, events=events)

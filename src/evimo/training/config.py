@@ -15,6 +15,9 @@ class TrainConfig:
     average:       decay of the moving average of the weights, which is what is saved.
     seed:          of the first weights and of every batch.
     save_every:    steps between checkpoints.
+    simulate:      populations of scenes that are filmed meanwhile, with equal shares; with recordings in folders, those
+        are one more population.
+    samples_per_slice: how often a filmed slice is the middle of a sample, on average, before it is forgotten.
     bfloat16:      whether features are computed in half the precision; 1.6 times as fast on CPUs that know it.
     """
 
@@ -26,4 +29,6 @@ class TrainConfig:
     average: float = 0.998
     seed: int = 0
     save_every: int = 200
+    simulate: tuple[str, ...] = ()
+    samples_per_slice: int = 4
     bfloat16: bool = True

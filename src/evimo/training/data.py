@@ -18,6 +18,7 @@ from evimo.training.disturbance import disturbed
 from evimo.training.orientation import AS_FILMED, Orientation, drawn_orientation
 
 Pairs = np.ndarray[tuple[int, int], np.dtype[np.int64]]
+Row = tuple[np.ndarray, ...]  # one sample: the arrays of `Batch`, without the batch axis, then its events
 
 HALF = SLICES // 2
 DROPPED_OUTER = 0.15  # share of samples whose outer slices are missing, as at the ends of a recording
@@ -65,13 +66,10 @@ def samples_of(recordings: Sequence[Prepared]) -> Samples:
     return Samples(recordings, np.array(pairs, np.int64).reshape(-1, 2))
 
 
-def drawn_batch(samples: Samples, size: int, rng: Generator, *, events: bool = False) -> Batch:
-    """A random batch: of crops, turned round at random, with compensations of all qualities.
-
-    events: whether the middle slices' events come along.
-    """
-    chosen: list[list[int]] = samples.index[rng.integers(len(samples), size=size)].tolist()
-    return _stacked([drawn_sample(samples.recordings[r], k, rng) for r, k in chosen], events=events)
+def drawn_row(samples: Samples, rng: Generator) -> Row:
+    """A random sample, augmented: a crop, turned round at random, with a compensation of any quality."""
+    recording, middle = samples.index[rng.integers(len(samples))].tolist()
+    return drawn_sample(samples.recordings[recording], middle, rng)
 
 
 def whole_batch(recording: Prepared, middles: Sequence[int], motions: Sequence[StaticMotion], stride: int) -> Batch:
@@ -82,7 +80,7 @@ def whole_batch(recording: Prepared, middles: Sequence[int], motions: Sequence[S
         _sample(stack_of(recording, k), recording, k, window=window, motion=motion, rotation=np.zeros(4, np.float32))
         for k, motion in zip(middles, motions, strict=True)
     ]
-    return _stacked(rows, events=False)
+    return stacked(rows, events=False)
 
 
 def stack_of(recording: Prepared, middle: int, *, reach: int = HALF) -> EventStack:
@@ -108,7 +106,7 @@ def true_motion(recording: Prepared, middle: int) -> StaticMotion:
     return StaticMotion(twist.astype(np.float32), inv_depth, DEPTH_STEP, recording.intrinsics)
 
 
-def drawn_sample(recording: Prepared, middle: int, rng: Generator) -> tuple[np.ndarray, ...]:
+def drawn_sample(recording: Prepared, middle: int, rng: Generator) -> Row:
     """One augmented sample as the arrays of `Batch`, without the batch axis, then its events."""
     reach = int(rng.integers(0, HALF)) if rng.random() < DROPPED_OUTER else HALF
     known_rotation = bool(rng.random() < GYROSCOPE)
@@ -137,7 +135,7 @@ def _sample(
     motion: StaticMotion,
     rotation: NDArray[np.float32],
     way: Orientation = AS_FILMED,
-) -> tuple[np.ndarray, ...]:
+) -> Row:
     """What `Batch` holds, in its order, then the events of the middle slice."""
     size = window.size
     cells = size[0] // CELL, size[1] // CELL
@@ -185,7 +183,8 @@ def _used_depth(motion: StaticMotion, window: Window) -> NDArray[np.float32]:
     return np.reciprocal(np.maximum(used, np.float32(0.02)))
 
 
-def _stacked(rows: Sequence[tuple[np.ndarray, ...]], *, events: bool) -> Batch:
+def stacked(rows: Sequence[Row], *, events: bool = False) -> Batch:
+    """The batch of some samples; events: whether those of the middle slices come along."""
     tensors = [torch.from_numpy(np.stack(column)) for column in list(zip(*rows, strict=True))[:-1]]
     return Batch(*tensors, events=_events([row[-1] for row in rows]) if events else None)
 

@@ -1,24 +1,27 @@
 """The training loop: batches in, checkpoints out; knows no formula."""
 
 import json
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+import os
+import time
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict
 from math import cos, pi
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from evimo.errors import BadInput
 from evimo.model.checkpoint import load_tensors, save_model, save_tensors
 from evimo.model.motion_net import MotionNet
 from evimo.training.batches import Batch
 from evimo.training.config import TrainConfig
-from evimo.training.data import Samples, drawn_batch
-from evimo.training.objective import objective
+from evimo.training.data import Row, drawn_row, stacked
+from evimo.training.devices import ALONE, Team
+from evimo.training.learner import Learner
 from evimo.training.recipes import RECIPES
+from evimo.training.sources import Choices, Source
 
 MODEL, STATE = "model.safetensors", "state.safetensors"
 
@@ -26,65 +29,75 @@ MODEL, STATE = "model.safetensors", "state.safetensors"
 class Trainer:
     """One run in one folder; `run` goes on from the last checkpoint, exactly as if it had never stopped.
 
-    Every batch depends on the seed and the number of its step alone.
+    Every sample depends on the seed, its step and its place in the batch alone, whatever process draws it.
     """
 
-    def __init__(
-        self,
-        model: MotionNet,
-        config: TrainConfig,
-        samples: Samples,
-        out: Path,
-    ) -> None:
-        """See the class."""
+    def __init__(self, model: MotionNet, config: TrainConfig, source: Source, out: Path, *, team: Team = ALONE) -> None:
+        """See the class.
+
+        Raises:
+            BadInput: no such recipe, or more processes than samples in a batch.
+        """
         if config.recipe not in RECIPES:
             raise BadInput(f"no recipe {config.recipe!r}", fix=f"one of {', '.join(RECIPES)}")
-        self.model, self.config, self.out = model, config, out
-        self.recipe = RECIPES[config.recipe]
-        self.samples = samples
-        model.compute_in(torch.bfloat16 if config.bfloat16 else torch.float32)
+        if team.size > config.batch:
+            raise BadInput(f"{team.size} processes for batches of {config.batch}", fix="a larger --batch")
+        self.learner = Learner(model, config, team)
+        self.config, self.out, self.source, self.team = config, out, source, team
         self.step = 0
-        self.device = str(next(model.parameters()).device)
-        self.optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate, betas=(0.9, 0.99))
-        self.average = {name: value.detach().clone() for name, value in model.state_dict().items()}
+        self.pace = Pace(config.batch)
 
     def run(self, report: Callable[[int, dict[str, float]], None]) -> None:
         """Train up to the last step; `report` gets the step and the loss terms of its batch."""
         self.out.mkdir(parents=True, exist_ok=True)
-        self.model.train()
-        drawer = ThreadPoolExecutor(1)  # draws the next batch while this one is learned from
         try:
-            following = drawer.submit(self._batch, self.step)
-            while self.step < self.config.steps:
-                batch, following = following.result(), drawer.submit(self._batch, self.step + 1)
-                report(self.step + 1, self._one_step(batch.to(self.device)))
-                if self.step % self.config.save_every == 0 and self.step < self.config.steps:
-                    self.save()
+            with self._batches() as following:
+                while self.step < self.config.steps:
+                    with self.pace.waiting():
+                        batch = next(following)
+                    said = self._one_step(batch)
+                    self.pace.add()
+                    report(self.step, said)
+                    if self.step % self.config.save_every == 0 and self.step < self.config.steps:
+                        self.save()
         finally:
-            drawer.shutdown(cancel_futures=True)
             self.save()
 
     def _one_step(self, batch: Batch) -> dict[str, float]:
         done = self.step / self.config.steps
         rise = min(1.0, (self.step + 1) / self.config.warm_up)
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.config.learning_rate * rise * (0.01 + 0.99 * 0.5 * (1 + cos(pi * done)))
-        loss, terms = objective(self.model, batch, self.recipe)
-        self.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        norm = torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
-        if torch.isfinite(norm):  # one sick sample may not spoil the run
-            self.optimizer.step()
+        rate = self.config.learning_rate * rise * (0.01 + 0.99 * 0.5 * (1 + cos(pi * done)))
         self.step += 1
-        keep = min(self.config.average, self.step / (self.step + 10))
-        for name, value in self.model.state_dict().items():
-            self.average[name].lerp_(value.detach(), 1 - keep)
-        return {"loss": float(loss.detach()), **terms}
+        return self.learner.learn(batch, rate=rate, keep=min(self.config.average, self.step / (self.step + 10)))
 
-    def _batch(self, step: int) -> Batch:
-        rng = np.random.default_rng((self.config.seed, step))
-        events = "fine_warp" in self.recipe.weights
-        return drawn_batch(self.samples, self.config.batch, rng, events=events)
+    @contextmanager
+    def _batches(self) -> Generator[Iterator[Batch]]:
+        """This process's shares of the batches from now on; one is drawn while the last is learned from."""
+        ahead, threads = ThreadPoolExecutor(1), ThreadPoolExecutor(max(1, (os.cpu_count() or 2) // 2))
+        pending: list[Future[Batch]] = []
+
+        def following() -> Iterator[Batch]:
+            step = self.step
+            pending.append(ahead.submit(self._batch, step, threads))
+            while True:
+                batch = pending.pop().result()
+                step += 1
+                if step < self.config.steps:
+                    pending.append(ahead.submit(self._batch, step, threads))
+                yield batch
+
+        try:
+            yield following()
+        finally:
+            ahead.shutdown(cancel_futures=True)
+            threads.shutdown()
+
+    def _batch(self, step: int, threads: ThreadPoolExecutor) -> Batch:
+        places = self.team.places(self.config.batch)
+        choices = self.source(step, places)
+        seeds = [(self.config.seed, step, place) for place in places]
+        batch = stacked(list(threads.map(_drawn, choices, seeds)), events="fine_warp" in self.learner.recipe.weights)
+        return batch if self.learner.device.type == "cpu" else batch.pinned()
 
     @property
     def samples_seen(self) -> int:
@@ -93,18 +106,14 @@ class Trainer:
 
     def averaged(self) -> MotionNet:
         """A model with the moving average of the weights, on the CPU."""
-        model = MotionNet(self.model.config)
-        model.load_state_dict({name: value.cpu() for name, value in self.average.items()})
-        return model.eval()
+        return self.learner.averaged()
 
     def save(self) -> None:
-        """Write the averaged weights as a model, and everything needed to go on."""
+        """Write the averaged weights as a model, and everything needed to go on; one process of a team does."""
+        if self.team.rank:
+            return
         facts = {"training": asdict(self.config), "step": self.step, "samples": self.samples_seen}
-        tensors = {f"model.{name}": value for name, value in self.model.state_dict().items()}
-        tensors |= {f"average.{name}": value for name, value in self.average.items()}
-        for number, state in self.optimizer.state_dict()["state"].items():
-            tensors |= {f"adam.{number}.{name}": torch.as_tensor(value) for name, value in state.items()}
-        save_tensors(tensors, self.out / STATE, **facts, config=asdict(self.model.config))
+        save_tensors(self.learner.state(), self.out / STATE, **facts, config=asdict(self.learner.model.config))
         save_model(self.averaged(), self.out / MODEL, **facts)
 
     def resume(self) -> bool:
@@ -117,22 +126,52 @@ class Trainer:
         if not path.exists():
             return False
         tensors, facts = load_tensors(path)
-        ours = json.loads(json.dumps({"training": asdict(self.config), "config": asdict(self.model.config)}))
+        ours = json.loads(json.dumps({"training": asdict(self.config), "config": asdict(self.learner.model.config)}))
         if changed := [name for part in ours for name in ours[part] if ours[part][name] != facts[part].get(name)]:
             raise BadInput(
                 f"{self.out} holds a run with another {', '.join(changed)}", fix="the same options, or another --out"
             )
-        self.model.load_state_dict(_part(tensors, "model."))
-        self.average = _part(tensors, "average.")
-        state: dict[int, dict[str, Tensor]] = {}
-        for name, value in _part(tensors, "adam.").items():
-            number, key = name.split(".", 1)
-            state.setdefault(int(number), {})[key] = value
-        self.optimizer.load_state_dict({**self.optimizer.state_dict(), "state": state})
-        self.average = {name: value.to(self.device) for name, value in self.average.items()}
+        self.learner.restore(tensors)
         self.step = int(facts["step"])
         return True
 
 
-def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+class Pace:
+    """How fast a run learns since its second step, and what share of the time it waits for data."""
+
+    def __init__(self, batch: int) -> None:
+        """`batch`: samples per step."""
+        self._batch, self._steps, self._waited_s, self._begun_s = batch, -1, 0.0, 0.0
+
+    def add(self) -> None:
+        """One more step is done; the first one, which compiles, begins the count."""
+        if self._steps < 0:
+            self._begun_s, self._waited_s = time.perf_counter(), 0.0
+        self._steps += 1
+
+    @contextmanager
+    def waiting(self) -> Generator[None]:
+        """Count the time in the `with` as waiting."""
+        begun_s = time.perf_counter()
+        yield
+        self._waited_s += time.perf_counter() - begun_s
+
+    @property
+    def samples_per_s(self) -> float:
+        """Samples learned from per second, of all processes together."""
+        return max(self._steps, 0) * self._batch / self._elapsed_s
+
+    @property
+    def waited(self) -> float:
+        """Share of the time, 0...1, that was spent waiting for data."""
+        return self._waited_s / self._elapsed_s if self._steps > 0 else 0.0
+
+    @property
+    def _elapsed_s(self) -> float:
+        return max(time.perf_counter() - self._begun_s, 1e-9)
+
+
+def _drawn(choices: Choices, seed: tuple[int, int, int]) -> Row:
+    """A sample of one of some sets, which are equally likely."""
+    rng = np.random.default_rng(seed)
+    return drawn_row(choices[rng.integers(len(choices))], rng)

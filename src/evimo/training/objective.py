@@ -122,8 +122,12 @@ def as_prediction(answer: FirstAnswer, intrinsics: Tensor) -> Prediction:
     )
 
 
-def objective(model: MotionNet, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[str, float]]:
-    """The total loss of a batch over both passes and all scales, and the mean of each term."""
+def objective(model: MotionNet, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[str, Tensor]]:
+    """The total loss of a batch over both passes and all scales, and the mean of each term, detached.
+
+    Every sample weighs the same and none depends on another: the loss of a batch is the mean of its samples' losses.
+    Nothing here asks a GPU for a number, so that a CUDA graph can hold it.
+    """
     mean_depth = mean_over(batch.depth, batch.depth_valid)
     first = model.first(batch.voxels, batch.fits, batch.candidates, batch.valid, batch.intrinsics, batch.rotation)
     of_first = first_terms(first, batch, mean_depth, recipe)
@@ -135,7 +139,7 @@ def objective(model: MotionNet, batch: Batch, recipe: Recipe) -> tuple[Tensor, d
     joined |= {name: weighted_total([scale[name] for scale in per_scale]) for name in per_scale[0]}
     weights = {f"first_{name}": recipe.first[name] for name in of_first}
     weights |= {name: recipe.weights[name] for name in per_scale[0]}
-    return total(joined, weights), {name: float(value.detach()) for name, value in joined.items()}
+    return total(joined, weights), {name: value.detach() for name, value in joined.items()}
 
 
 def taken_out(batch: Batch, first: FirstAnswer) -> Compensation:

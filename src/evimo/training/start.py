@@ -1,52 +1,99 @@
 """From folders and a preset to a trainer that is ready to run."""
 
-import csv
 import sys
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 
-from evimo.errors import BadFile
+from evimo.errors import BadFile, BadInput
 from evimo.model.checkpoint import load_model
 from evimo.model.motion_net import MotionNet
 from evimo.model.presets import PRESETS
 from evimo.recordings.prepared import EVENT_NAMES, NAMES, Prepared, open_prepared, prepare, recording_folders
+from evimo.simulate.film import check_device
+from evimo.simulate.populations import check_population
+from evimo.simulate.workers import check_workers
 from evimo.training.config import TrainConfig
 from evimo.training.data import Samples, samples_of
+from evimo.training.devices import joined_team, training_device
+from evimo.training.film_plan import FilmPlan
+from evimo.training.filming import filming
 from evimo.training.loop import Trainer
+from evimo.training.sources import Source, joined
 
 
-def start(
-    data: list[Path],
-    preset: str,
-    config: TrainConfig,
-    out: Path,
-    *,
-    device: str = "cpu",
-    progress: Callable[[int, int], None],
-) -> Trainer:
-    """Prepare the recordings, make or load the model, go on from the folder's checkpoint if there is one.
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where a run trains and writes; none of it changes what is learned.
+
+    out: folder of the run. device: `cpu` or `cuda`. workers: processes that film, for each process that trains.
+    """
+
+    out: Path
+    device: str = "cpu"
+    workers: int = 1
+
+
+@contextmanager
+def started(
+    data: list[Path], preset: str, config: TrainConfig, place: Place, *, progress: Callable[[int, int], None]
+) -> Generator[Trainer]:
+    """A trainer that is ready to run, for as long as the `with` lasts; it goes on from the folder's checkpoint.
 
     Args:
-        data: folders of recordings.
+        data: folders of recordings; none where all is simulated.
         preset: name of a shape, or a .safetensors file to train further.
         config: of the run.
-        out: folder of the run.
-        device: where to train.
+        place: where.
         progress: gets how many recordings are prepared, of how many.
 
     Raises:
         NotFound: no such preset or file, or a folder holds no recording.
-        BadInput: no such recipe, or `out` holds a run with another configuration.
+        BadInput: no such recipe, population or device, no data at all, or `out` holds a run with another configuration.
         BadFile: a recording or the checkpoint is damaged.
     """
+    check_data(data, config)
+    device = training_device(place.device)
     torch.manual_seed(config.seed)
     model = MotionNet(PRESETS[preset]).to(device) if preset in PRESETS else load_model(preset, device=device)
-    trainer = Trainer(model, config, training_samples(data, progress), out)
-    trainer.resume()
-    return trainer
+    with joined_team(device) as team, ExitStack() as films:
+        if team.rank:
+            team.wait()  # one process prepares, the others find it done
+        samples = training_samples(data, progress) if data else None
+        if not team.rank:
+            team.wait()
+        filmed = films.enter_context(_films(config, place)) if config.simulate else None
+        trainer = Trainer(model, config, joined(samples, filmed, len(config.simulate)), place.out, team=team)
+        trainer.resume()
+        yield trainer
+
+
+def check_data(data: list[Path], config: TrainConfig) -> None:
+    """Make sure that there is something to learn from.
+
+    Raises:
+        BadInput: there is nothing, or no such population.
+    """
+    for population in config.simulate:
+        check_population(population)
+    if not data and not config.simulate:
+        raise BadInput("nothing to learn from", fix="folders of recordings, or --simulate replica,stress")
+
+
+def _films(config: TrainConfig, place: Place) -> AbstractContextManager[Source]:
+    check_device(place.device)
+    check_workers(place.workers)
+    plan = FilmPlan(
+        populations=config.simulate,
+        batch=config.batch,
+        seed=config.seed,
+        samples_per_slice=config.samples_per_slice,
+        device=place.device,
+    )
+    return filming(plan, workers=place.workers)
 
 
 def training_samples(data: list[Path], progress: Callable[[int, int], None]) -> Samples:
@@ -55,16 +102,25 @@ def training_samples(data: list[Path], progress: Callable[[int, int], None]) -> 
     Raises:
         BadFile: no recording has a slice with truth and an event.
     """
+    samples = samples_of(opened(data, progress))
+    if not len(samples):
+        raise BadFile("no recording has a slice with truth and an event", fix="simulate recordings of at least 0.025 s")
+    return samples
+
+
+def opened(data: list[Path], progress: Callable[[int, int], None]) -> list[Prepared]:
+    """All recordings in some folders, prepared; `progress` gets how many are, of how many.
+
+    Raises:
+        NotFound: a folder holds none. BadFile: one is damaged.
+    """
     folders = recording_folders(data)
     _allow_open_files(len(folders) * (len(NAMES) + len(EVENT_NAMES)))
     recordings: list[Prepared] = []
     for done, folder in enumerate(folders):
         recordings.append(open_prepared(prepare(folder)))
         progress(done + 1, len(folders))
-    samples = samples_of(recordings)
-    if not len(samples):
-        raise BadFile("no recording has a slice with truth and an event", fix="simulate recordings of at least 0.025 s")
-    return samples
+    return recordings
 
 
 def _allow_open_files(count: int) -> None:
@@ -79,19 +135,3 @@ def _allow_open_files(count: int) -> None:
         wanted = min(wanted, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-
-
-@contextmanager
-def log_rows(path: Path) -> Generator[Callable[[int, dict[str, float]], None]]:
-    """A function that appends a step's loss terms to a CSV file."""
-    known = path.exists()
-    with path.open("a", newline="") as file:
-        writer = csv.writer(file)
-
-        def row(step: int, terms: dict[str, float]) -> None:
-            if not known and file.tell() == 0:
-                writer.writerow(["step", *terms])
-            writer.writerow([step, *(f"{value:.5g}" for value in terms.values())])
-            file.flush()
-
-        yield row

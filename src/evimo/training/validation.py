@@ -16,6 +16,7 @@ from evimo.events.stack import CELL, SLICES, StaticMotion, plane_fits, voxel_gri
 from evimo.losses.depth import mean_over
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
+from evimo.model.second_pass import Compensation
 from evimo.recordings.prepared import Prepared
 from evimo.training.batches import Batch
 from evimo.training.data import DEPTH_STEP, HALF, stack_of, true_motion, whole_batch
@@ -106,6 +107,29 @@ def _score(
     gyroscope: bool,
     oracle: bool,
 ) -> None:
+    batch, taken, answer = _answered(model, recording, k, firsts, gyroscope=gyroscope, oracle=oracle)
+    _add_masks(sums, answer, batch)
+    _add_motion(sums, answer, batch, taken.rigid)
+
+
+@torch.no_grad()
+def slice_answered(model: MotionNet, recording: Prepared, k: int) -> tuple[Batch, Prediction]:
+    """What both passes say of one slice, two slices from either end at least, beside the truth."""
+    firsts = {k + d: _first(model, recording, k + d, gyroscope=False) for d in range(-HALF, HALF + 1)}
+    batch, _, answer = _answered(model, recording, k, firsts, gyroscope=False, oracle=False)
+    return batch, answer
+
+
+def _answered(
+    model: MotionNet,
+    recording: Prepared,
+    k: int,
+    firsts: dict[int, FirstAnswer],
+    *,
+    gyroscope: bool,
+    oracle: bool,
+) -> tuple[Batch, Compensation, Prediction]:
+    """The slice as the second pass sees it, what was taken out, and the answer."""
     first = firsts[k]
     twist = torch.cat([firsts[k + d].ego for d in range(-HALF, HALF + 1)]).numpy()
     own = StaticMotion(twist, (1 / first.rel_depth)[0, 0].numpy(), DEPTH_STEP, np.asarray(recording.intrinsics))
@@ -116,18 +140,18 @@ def _score(
     answer = model.second(
         batch.sharp_voxels, batch.sharp_fits, batch.valid, taken, batch.intrinsics, _rotation(recording, k, gyroscope)
     )[-1]
-    _add_masks(sums, answer, batch)
-    _add_motion(sums, answer, batch, taken.rigid)
+    return batch, taken, answer
 
 
-def _middle_events(batch: Batch) -> Tensor:
+def middle_events(batch: Batch) -> Tensor:
+    """How many events of the middle slice each pixel has, (B, 1, h, w), at half the size."""
     per_slice = batch.voxels.shape[1] // SLICES
     return batch.voxels[:, HALF * per_slice : (HALF + 1) * per_slice].expm1().sum(1, keepdim=True) * (batch.valid > 0)
 
 
 def _add_masks(sums: Sums, answer: Prediction, batch: Batch) -> None:
     called = (answer.mixture[:, :1] < 0.5) & (batch.valid > 0)
-    moving, events = batch.moving & (batch.valid > 0), _middle_events(batch)
+    moving, events = batch.moving & (batch.valid > 0), middle_events(batch)
     if moving.any():
         sums.iou += float((called & moving).sum() / (called | moving).sum())
         sums.frames += 1
@@ -139,7 +163,7 @@ def _add_masks(sums: Sums, answer: Prediction, batch: Batch) -> None:
 
 
 def _add_motion(sums: Sums, answer: Prediction, batch: Batch, rigid: Tensor) -> None:
-    at = (_middle_events(batch) > 0) & batch.depth_valid
+    at = (middle_events(batch) > 0) & batch.depth_valid
     focal_px = batch.intrinsics[:, :2, None, None] / SLICES_PER_S
     truth = batch.flow * focal_px
     if at.any():

@@ -1,0 +1,66 @@
+"""What a run shows of itself: learning curves and a few pictures, as CSV files and in TensorBoard."""
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.utils.tensorboard.writer import SummaryWriter
+
+from evimo.events.stack import SLICES
+from evimo.model.motion_net import MotionNet
+from evimo.recordings.prepared import Prepared
+from evimo.training.logs import Log, log_rows
+from evimo.training.validation import middle_events, slice_answered, validated
+
+PICTURES = 4  # recordings that are shown, in the middle
+SLICES_SCORED = 5  # one slice in so many
+
+
+class Curves:
+    """Loss terms of every step, and the scores of the averaged model on fixed recordings now and then."""
+
+    def __init__(self, recordings: Sequence[Prepared], writer: SummaryWriter, losses: Log, scores: Log) -> None:
+        """recordings: to validate on; those shorter than a stack are left out. losses, scores: where numbers go."""
+        self.recordings = [each for each in recordings if len(each) >= SLICES and len(each.event_t)]
+        self._writer, self._losses, self._scores = writer, losses, scores
+
+    def learned(self, step: int, terms: dict[str, float]) -> None:
+        """Note the loss terms of a step."""
+        self._losses(step, terms)
+        self._draw("loss", step, terms)
+
+    def validate(self, step: int, model: MotionNet) -> None:
+        """Score a model, and show events, true masks and called masks side by side."""
+        scores = validated(model, self.recordings, every=SLICES_SCORED)
+        self._scores(step, scores)
+        self._draw("validation", step, scores)
+        for number, recording in enumerate(self.recordings[:PICTURES]):
+            self._writer.add_image(f"masks/{number}", picture(model, recording), step)
+        self._writer.flush()
+
+    def _draw(self, group: str, step: int, values: dict[str, float]) -> None:
+        for name, value in values.items():
+            self._writer.add_scalar(f"{group}/{name}", value, step)
+
+
+def picture(model: MotionNet, recording: Prepared) -> NDArray[np.uint8]:
+    """Events, true mask and called mask of the middle slice side by side, (1, h, 3 w) uint8, at half the size."""
+    batch, answer = slice_answered(model, recording, len(recording) // 2)
+    events = (middle_events(batch) / 3).clamp(max=1)
+    called = (answer.mixture[:, :1] < 0.5) & (batch.valid > 0)
+    panels = torch.cat((events, batch.moving.float(), called.float()), dim=-1)
+    return (255 * panels[0]).byte().numpy()
+
+
+@contextmanager
+def open_curves(out: Path, recordings: Sequence[Prepared], *, step: int) -> Generator[Curves]:
+    """The curves of the run in a folder, which go on after a step."""
+    writer = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
+    try:
+        with log_rows(out / "log.csv", step) as losses, log_rows(out / "validation.csv", step) as scores:
+            yield Curves(recordings, writer, losses, scores)
+    finally:
+        writer.close()
