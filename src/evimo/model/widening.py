@@ -60,7 +60,7 @@ def _widen(source: EvenlyCascaded, target: EvenlyCascaded) -> None:
 
 def _places(source: EvenlyCascaded, target: EvenlyCascaded) -> list[list[int]]:
     """For each level: where the channels of the source are among those of the target."""
-    of_source, of_target = ([head.weight.shape[1] for head in reversed(net.heads)] for net in (source, target))
+    of_source, of_target = _widths(source), _widths(target)
     if len(of_source) != len(of_target):
         raise BadInput("only a model of the same depth can be widened", fix="a shape with the same numbers of layers")
     places: list[list[int]] = []
@@ -71,6 +71,11 @@ def _places(source: EvenlyCascaded, target: EvenlyCascaded) -> list[list[int]]:
             raise BadInput("a wider model has no fewer channels", fix="a larger shape, such as base for small")
         places.append([*(places[-1] if places else []), *range(first, first + end - begin)])
     return places
+
+
+def _widths(network: EvenlyCascaded) -> list[int]:
+    heads = [head for head in network.heads if isinstance(head, nn.Conv2d)]
+    return [head.in_channels for head in reversed(heads)]
 
 
 def _widen_residual(old: nn.Module, new: nn.Module, inputs: Sequence[int], outputs: Sequence[int]) -> None:

@@ -16,7 +16,7 @@ cuda: Any = numba.cuda  # its annotations know neither kernels nor numpy's types
 SIMULATED = bool(numba.core.config.ENABLE_CUDASIM)  # pyright: ignore[reportAttributeAccessIssue]
 if not SIMULATED:
     cuda.dispatcher.config.CUDA_LOW_OCCUPANCY_WARNINGS = 0  # kernels of few threads are meant
-vars(np).setdefault("row_stack", np.vstack)  # numba-cuda 0.30 asks for it when it compiles; NumPy 2.5 dropped it
+np.__dict__.setdefault("row_stack", np.vstack)  # numba-cuda 0.30 asks for it when it compiles; NumPy 2.5 dropped it
 THREADS = 128  # in a block, where they need no neighbours
 
 
