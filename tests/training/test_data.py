@@ -221,6 +221,7 @@ def test_some_samples_know_their_rotation(recording):
 def test_without_errors_what_is_taken_out_is_the_truth_in_every_orientation(samples, monkeypatch):
     monkeypatch.setattr(disturbance, "LEVELS", (1e-6, 1e-6))
     monkeypatch.setattr(disturbance, "FLAT", 0)
+    monkeypatch.setattr(disturbance, "SMOOTH", (0.01, 0.01))
     for seed in range(6):
         batch = drawn(samples, seed)
         # The wall is 2 m away: the camera's speed in mean depths, at the wall's depth, is its speed in the wall's.

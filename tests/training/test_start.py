@@ -6,6 +6,8 @@ import pytest
 import torch
 
 from evimo.errors import BadFile, BadInput, NotFound
+from evimo.model.checkpoint import save_model
+from evimo.model.presets import PRESETS
 from evimo.training import start as module
 from evimo.training.config import TrainConfig
 from evimo.training.logs import log_rows
@@ -126,3 +128,25 @@ def test_more_recordings_than_files_may_be_open(monkeypatch, on_disk):
         assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] > 512
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+def test_a_shape_grows_from_a_smaller_model(on_disk, tmp_path):
+    data, config, smaller = on_disk(), TrainConfig(steps=4), tmp_path / "smaller.safetensors"
+    with started(data, "tiny", config, Workplace(out=tmp_path / "run"), progress=lambda *_: None) as trainer:
+        save_model(trainer.averaged(), smaller)
+    wide = replace(PRESETS["tiny"], hidden=8)
+    module.PRESETS["wide"] = wide
+    try:
+        workplace = Workplace(out=tmp_path / "grown")
+        with started(data, "wide", config, workplace, grown_from=smaller, progress=lambda *_: None) as trainer:
+            model = trainer.learner.model
+            assert model.config == wide
+            listened = model.second_pass.network.heads[-1].weight.abs().amax((0, 2, 3)) > 0
+            assert listened.tolist() == [True] * 6 + [False] * 2
+        with (
+            pytest.raises(BadInput, match="has weights of its own"),
+            started(data, str(smaller), config, workplace, grown_from=smaller, progress=lambda *_: None),
+        ):
+            pass
+    finally:
+        del module.PRESETS["wide"]

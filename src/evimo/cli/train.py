@@ -26,6 +26,7 @@ def train(
     validate: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     validate_every: int = 500,
     preset: str = "small",
+    grow: Path | None = None,
     out: Path,
     recipe: str = "shipped",
     steps: int = 4000,
@@ -51,6 +52,7 @@ def train(
         validate: folders of recordings to score the model on now and then.
         validate_every: steps between scores.
         preset: a shape to start afresh, `base`, `small` or `tiny`, or a .safetensors file to train further.
+        grow: a .safetensors file of a smaller model, such as small's for base: the shape starts with its answers.
         out: folder of the run.
         recipe: `shipped` (supervised by the simulator) or `paper` (its losses only).
         steps: batches.
@@ -79,11 +81,16 @@ def train(
 
     workers = workers or max(1, (os.cpu_count() or 2) - 1)
     workplace = Workplace(out=out, device=device, workers=workers, threads=threads)
-    _train(list(data), preset, config, workplace, validation=(list(validate), validate_every))
+    _train(list(data), (preset, grow), config, workplace, validation=(list(validate), validate_every))
 
 
 def _train(
-    data: list[Path], preset: str, config: "TrainConfig", workplace: "Workplace", *, validation: tuple[list[Path], int]
+    data: list[Path],
+    start: tuple[str, Path | None],
+    config: "TrainConfig",
+    workplace: "Workplace",
+    *,
+    validation: tuple[list[Path], int],
 ) -> None:
     """Prepare, train, export, with a bar for each."""
     from evimo.model.export import export
@@ -103,7 +110,7 @@ def _train(
             progress.update(preparing, completed=done, total=total)
 
         preparing = progress.add_task("prepare", total=None, facts="")
-        with started(data, preset, config, workplace, progress=prepared) as trainer:
+        with started(data, start[0], config, workplace, grown_from=start[1], progress=prepared) as trainer:
             progress.remove_task(preparing)
             steps_task = progress.add_task("train", total=config.steps, completed=trainer.step, facts="")
 

@@ -13,7 +13,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.events.local_motion import TT, XT, XX, XY, YT, YY, blurred, gaussian, pooled_products
+from evimo.events.images import blurred, gaussian
+from evimo.events.local_motion import PRODUCTS, TT, XT, XX, XY, YT, YY, add_products
 from evimo.events.stack import SLICES, EventStack, StaticMotion, compensated
 
 F4 = NDArray[np.float32]
@@ -66,11 +67,12 @@ def twist_correction(sharp: EventStack, motion: StaticMotion, *, known_rotation:
 def _products(counts: F4) -> F4:
     """Products of slopes in cells, (6, a, b), of all baselines, over the number of events around each cell."""
     sharp = [blurred(each, gaussian(SHARP)) for each in counts]
-    products = sum(
-        pooled_products(sharp[before], sharp[here], sharp[after], after - before, CELL)
-        for before, here, after in BASELINES
-    )
-    by_cell = counts.sum((0, 1)).reshape(counts.shape[2] // CELL, CELL, -1, CELL).mean((1, 3))
+    height, width = (side // CELL for side in counts.shape[2:])
+    products = np.zeros((PRODUCTS, CELL // 2 * height, CELL // 2 * width), np.float32)
+    for before, here, after in BASELINES:
+        add_products(sharp[before], sharp[here], sharp[after], after - before, products)
+    products = products.reshape(PRODUCTS, height, CELL // 2, width, CELL // 2).mean((2, 4))
+    by_cell = counts.sum((0, 1)).reshape(height, CELL, width, CELL).mean((1, 3))
     near = np.asarray(cv2.GaussianBlur(by_cell, (0, 0), NEAR), np.float32) + np.float32(QUIET) * by_cell.mean()
     return products / np.square(near + np.float32(1e-6))
 

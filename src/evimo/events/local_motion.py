@@ -5,14 +5,17 @@ One window and one baseline cannot serve all speeds (docs/decisions/0003-motion-
 motion shows over several slices, fast motion only after the slices have been warped by a first guess. Products of
 spatial and temporal differences are what a small network cannot form by itself. Images are C-contiguous float32,
 polarities or products first; outside an image is zero.
-"""
 
-from math import exp
+Each step is one compiled pass. Its innermost loops go along rows, without branches, so that the compiler makes them run
+on vectors; functions of one row are inlined, since calling them takes longer than they do.
+"""
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.events.images import blurred, gaussian, warped
+from evimo.events.logarithms import exp, ln
 from evimo.events.stack import BINS, SLICES
 
 F4 = NDArray[np.float32]
@@ -24,12 +27,10 @@ _CELL = 2  # px of half the image per pixel of the candidates
 PRODUCTS = 6  # xx, xy, yy, xt, yt, tt
 XX, XY, YY, XT, YT, TT = range(PRODUCTS)
 
-
-def gaussian(sigma_px: float) -> F4:
-    """One-dimensional kernel (N,) that sums to 1."""
-    reach = int(2.5 * sigma_px + 0.5)
-    heights = np.array([exp(-0.5 * (step / sigma_px) ** 2) for step in range(-reach, reach + 1)])
-    return (heights / heights.sum()).astype(np.float32)
+_jit = numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+_inlined = numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", inline="always")
+_1, _3, _HALF, _QUARTER = (np.float32(number) for number in (1, 3, 0.5, 0.25))
+_SHARP, _WARPED, _LONG, _LARGE = (gaussian(sigma_px) for sigma_px in (0.7, 4 / _CELL, 5 / _CELL, 8 / _CELL))
 
 
 def motion_candidates(voxels: F4) -> F4:
@@ -40,111 +41,131 @@ def motion_candidates(voxels: F4) -> F4:
     much the unwarped and both warped images are to be trusted, 0...1: contrast, spread, what still changes. Last, trust
     by direction (xx, xy, yy).
     """
-    slices = SLICES, BINS, 2
-    counts = np.log1p(0.25 * np.expm1(voxels).reshape(*slices, *voxels.shape[1:]).sum(1))
-    sharp = gaussian(0.7)
-    first, before, here, after, last = (blurred(each, sharp) for each in counts)
-    near = pooled_products(before, here, after, 2.0, _CELL)
-    longer = near + pooled_products(first, before, here, 2.0, _CELL) + pooled_products(here, after, last, 2.0, _CELL)
-    longer += pooled_products(first, here, last, 4.0, _CELL)
-    small = blurred(near, sharp)
-    at_large = local_motion(blurred(near, gaussian(8.0 / _CELL)))
-    found = np.empty((CANDIDATE_CHANNELS, *near.shape[1:]), np.float32)
-    found[0:2], found[2:4], found[4:6] = (
-        local_motion(small),
-        at_large,
-        local_motion(blurred(longer, gaussian(5.0 / _CELL))),
-    )
+    fine, coarse = log_counts(voxels)
+    first, before, here, after, last = (blurred(each, _SHARP) for each in fine)
+    found = np.empty((CANDIDATE_CHANNELS, *coarse.shape[2:]), np.float32)
+    near = _products(before, here, after)
+    longer = near.copy()
+    for row, slices in (((first, before, here), 2), ((here, after, last), 2), ((first, here, last), 4)):
+        add_products(*row, slices, longer)
+    small = blurred(near, _SHARP)
+    at_large = local_motion(blurred(near, _LARGE))
+    found[0:2], found[2:4], found[4:6] = local_motion(small), at_large, local_motion(blurred(longer, _LONG))
     trust(small, found[10:13])
     directional_trust(small, found[19:22])
-    for number, guess in enumerate((at_large, _of_coarse(counts))):
+    for number, guess in enumerate((at_large, _of_coarse(coarse))):
         start = _bounded(guess)
-        moved = warped(before, after, blurred(start, sharp), _CELL)
-        left = blurred(pooled_products(moved[0], here, moved[1], 2.0, _CELL), gaussian(4.0 / _CELL))
+        moved_before, moved_after = warped(before, after, blurred(start, _SHARP))
+        left = blurred(_products(moved_before, here, moved_after), _WARPED)
         found[6 + 2 * number : 8 + 2 * number] = start + _bounded(local_motion(left))
         trust(left, found[13 + 3 * number : 16 + 3 * number])
     return found
 
 
+def _products(before: F4, here: F4, after: F4, cell: int = _CELL) -> F4:
+    """Products (6, a, b) of the slopes of three slices in a row, in means of cells."""
+    products = np.zeros((PRODUCTS, here.shape[1] // cell, here.shape[2] // cell), np.float32)
+    add_products(before, here, after, 2, products)
+    return products
+
+
 def _of_coarse(counts: F4) -> F4:
     """Motion of the three middle slices' counts in cells twice as large, on the candidates' grid."""
-    coarse = [blurred(_halved(np.expm1(each)), gaussian(0.7)) for each in counts[1:4]]
-    motion = local_motion(blurred(pooled_products(coarse[0], coarse[1], coarse[2], 2.0, 1), gaussian(4.0)))
-    return _CELL * motion
-
-
-def _halved(counts: F4) -> F4:
-    """log(1 + mean count) of cells of the candidates' grid."""
-    channels, height, width = counts.shape
-    cells = counts.reshape(channels, height // _CELL, _CELL, width // _CELL, _CELL)
-    return np.log1p(cells.mean((2, 4)))
+    before, here, after = (blurred(each, _SHARP) for each in counts)
+    return _CELL * local_motion(blurred(_products(before, here, after, cell=1), _LARGE))
 
 
 def _bounded(motion: F4) -> F4:
     return np.clip(motion, -FASTEST_PX, FASTEST_PX, dtype=np.float32)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def blurred(planes, kernel):
-    """Planes (C, h, w) blurred by a separable kernel."""
-    count, height, width = planes.shape
-    reach = len(kernel) // 2
-    across, result = np.zeros((height, width), np.float32), np.zeros_like(planes)
-    for c in range(count):
-        across[:] = 0
-        for y in range(height):
-            source, target = planes[c, y], across[y]
-            for k in range(-reach, reach + 1):
-                share = kernel[k + reach]
-                for x in range(max(0, -k), min(width, width - k)):
-                    target[x] += share * source[x + k]
-        for y in range(height):
-            target = result[c, y]
-            for k in range(max(-reach, -y), min(reach, height - 1 - y) + 1):
-                share, source = kernel[k + reach], across[y + k]
-                for x in range(width):
-                    target[x] += share * source[x]
-    return result
+@_jit
+def log_counts(voxels):
+    """log(1 + count / 4) of each slice (5, 2, h, w), and of means of cells of its middle three (3, 2, h / 2, w / 2)."""
+    height, width = voxels.shape[1:]
+    fine = np.empty((SLICES, 2, height, width), np.float32)
+    coarse = np.empty((SLICES - 2, 2, height // _CELL, width // _CELL), np.float32)
+    counts = np.empty((_CELL, width), np.float32)
+    for number in range(SLICES):
+        for polarity in range(2):
+            channel = 2 * BINS * number + polarity
+            one, two, three = voxels[channel], voxels[channel + 2], voxels[channel + 4]
+            for y in range(height):
+                _add_bins_of_row(one[y], two[y], three[y], counts[y % _CELL], fine[number, polarity, y])
+                if y % _CELL == _CELL - 1 and 0 < number < SLICES - 1:
+                    _log_means_of_cells(counts, coarse[number - 1, polarity, y // _CELL])
+    return fine, coarse
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def pooled_products(before, here, after, slices, reduction):
-    """Products (6, a, b) of the slopes of three images (2, h, w), over both polarities, in means of cells.
+@_inlined
+def _add_bins_of_row(one, two, three, counts, logs):
+    for x in range(len(counts)):
+        counts[x] = _QUARTER * (exp(one[x]) + exp(two[x]) + exp(three[x]) - _3)
+        logs[x] = ln(_1 + counts[x])
 
-    `slices` is the time from `before` to `after`.
+
+@_inlined
+def _log_means_of_cells(counts, logs):
+    upper, lower = counts[0], counts[1]
+    for x in range(len(logs)):
+        logs[x] = ln(_1 + _QUARTER * (upper[2 * x] + upper[2 * x + 1] + lower[2 * x] + lower[2 * x + 1]))
+
+
+@_jit
+def add_products(before, here, after, slices, into):
+    """Add products of the slopes of three images (2, h, w), over both polarities, in means of cells, to (6, a, b).
+
+    `slices` is the time from `before` to `after`. A cell is one pixel, or 2x2.
     """
     channels, height, width = here.shape
-    high, wide = height // reduction, width // reduction
-    result = np.zeros((PRODUCTS, high, wide), np.float32)
-    mean = np.zeros((height + 2, width + 2), np.float32)
+    cell = height // into.shape[1]
+    mean = np.zeros((3, width + 2), np.float32)  # of three rows of the images, with a margin of nothing
     sums = np.zeros((PRODUCTS, width), np.float32)
-    half, quarter, per_slice = np.float32(0.5), np.float32(0.25), np.float32(1 / slices)
-    share = np.float32(1 / reduction**2)
+    per_slice = np.float32(1 / slices)
     for c in range(channels):
+        _mean_of_row(before[c], here[c], after[c], -1, mean[2])
+        _mean_of_row(before[c], here[c], after[c], 0, mean[0])
         for y in range(height):
-            target, first, middle, last = mean[y + 1], before[c, y], here[c, y], after[c, y]
+            above, level, below = mean[(y + 2) % 3], mean[y % 3], mean[(y + 1) % 3]
+            _mean_of_row(before[c], here[c], after[c], y + 1, below)
+            first, last = before[c, y], after[c, y]
             for x in range(width):
-                target[x + 1] = quarter * (first[x] + middle[x] + middle[x] + last[x])
-        for cell in range(high):
-            sums[:] = 0
-            for y in range(cell * reduction, (cell + 1) * reduction):
-                above, level, below, first, last = mean[y], mean[y + 1], mean[y + 2], before[c, y], after[c, y]
-                for x in range(width):
-                    dx, dy = half * (level[x + 2] - level[x]), half * (below[x + 1] - above[x + 1])
-                    dt = per_slice * (last[x] - first[x])
-                    sums[0, x] += dx * dx
-                    sums[1, x] += dx * dy
-                    sums[2, x] += dy * dy
-                    sums[3, x] += dx * dt
-                    sums[4, x] += dy * dt
-                    sums[5, x] += dt * dt
-            for product in range(PRODUCTS):
-                for x in range(wide * reduction):
-                    result[product, cell, x // reduction] += share * sums[product, x]
-    return result
+                dx, dy = _HALF * (level[x + 2] - level[x]), _HALF * (below[x + 1] - above[x + 1])
+                dt = per_slice * (last[x] - first[x])
+                sums[XX, x] += dx * dx
+                sums[XY, x] += dx * dy
+                sums[YY, x] += dy * dy
+                sums[XT, x] += dx * dt
+                sums[YT, x] += dy * dt
+                sums[TT, x] += dt * dt
+            if y % cell == cell - 1:
+                _add_cells(sums, cell, into[:, y // cell])
+                sums[:] = 0
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@_inlined
+def _mean_of_row(before, here, after, y, mean):
+    """Write the mean of three images in row y, the middle one counted twice, into the middle of a row of margins."""
+    if y < 0 or y >= len(here):
+        mean[:] = 0
+        return
+    first, middle, last = before[y], here[y], after[y]
+    for x in range(len(middle)):
+        mean[x + 1] = _QUARTER * (first[x] + last[x]) + _HALF * middle[x]
+
+
+@_inlined
+def _add_cells(sums, cell, into):
+    for product in range(PRODUCTS):
+        source, target = sums[product], into[product]
+        if cell == 1:
+            target += source
+        else:
+            for x in range(len(target)):
+                target[x] += _QUARTER * (source[2 * x] + source[2 * x + 1])
+
+
+@_jit
 def local_motion(found):
     """Displacement (2, a, b) per slice that explains windowed products (6, a, b) best, px.
 
@@ -152,7 +173,7 @@ def local_motion(found):
     """
     high, wide = found.shape[1:]
     motion = np.empty((2, high, wide), np.float32)
-    floor = np.float32(0.05 * (found[XX] + found[YY]).mean() + 1e-6)
+    floor = np.float32(0.05 * _mean_contrast(found) + 1e-6)
     share = np.float32(0.02)
     for y in range(high):
         for x in range(wide):
@@ -165,10 +186,15 @@ def local_motion(found):
     return motion
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@_jit
+def _mean_contrast(found):
+    return (found[XX] + found[YY]).mean()
+
+
+@_jit
 def trust(found, into):
     """Contrast, spread, and what still changes, 0...1 each, of windowed products (6, a, b), into (3, a, b)."""
-    mean = np.float32((found[XX] + found[YY]).mean() + 1e-6)
+    mean = np.float32(_mean_contrast(found) + 1e-6)
     tenth, hundredth, four = np.float32(0.1), np.float32(0.01), np.float32(4)
     for y in range(found.shape[1]):
         for x in range(found.shape[2]):
@@ -179,67 +205,12 @@ def trust(found, into):
             into[2, y, x] = tt / (tt + contrast + tenth * mean)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@_jit
 def directional_trust(found, into):
     """How much each window tells of its motion in each direction (xx, xy, yy), into (3, a, b)."""
-    floor = np.float32(0.3 * (found[XX] + found[YY]).mean() + 1e-6)
+    floor = np.float32(0.3 * _mean_contrast(found) + 1e-6)
     for y in range(found.shape[1]):
         for x in range(found.shape[2]):
             scale = found[XX, y, x] + found[YY, y, x] + floor
             for product in range(3):
                 into[product, y, x] = found[product, y, x] / scale
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def _weights(cells, pixels, reduction):
-    """For each pixel the two cells to interpolate between, and the share of the second."""
-    first, second, share = np.empty(pixels, np.int64), np.empty(pixels, np.int64), np.empty(pixels, np.float32)
-    for k in range(pixels):
-        at = max(0.0, (k + 0.5) / reduction - 0.5)
-        first[k] = min(int(at), cells - 1)
-        second[k] = min(first[k] + 1, cells - 1)
-        share[k] = np.float32(at - first[k])
-    return first, second, share
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def warped(before, after, guess, reduction):
-    """Both neighbours (2, h, w) warped to the middle slice by a guess (2, a, b), px per slice, itself enlarged."""
-    height, width = before.shape[1:]
-    left, right, by_x = _weights(guess.shape[2], width, reduction)
-    upper, lower, by_y = _weights(guess.shape[1], height, reduction)
-    warped_before, warped_after = np.empty_like(before), np.empty_like(after)
-    shift = np.empty((2, guess.shape[2]), np.float32)  # of one row of pixels, not enlarged in x yet
-    for y in range(height):
-        for component in range(2):
-            for x in range(guess.shape[2]):
-                top, bottom = guess[component, upper[y], x], guess[component, lower[y], x]
-                shift[component, x] = top + by_y[y] * (bottom - top)
-        for x in range(width):
-            u = shift[0, left[x]] + by_x[x] * (shift[0, right[x]] - shift[0, left[x]])
-            v = shift[1, left[x]] + by_x[x] * (shift[1, right[x]] - shift[1, left[x]])
-            _read(before, np.float32(x) - u, np.float32(y) - v, warped_before, y, x)
-            _read(after, np.float32(x) + u, np.float32(y) + v, warped_after, y, x)
-    return warped_before, warped_after
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def _read(image, at_x, at_y, into, y, x):
-    """Read an image (2, h, w) at (at_x, at_y) px, bilinearly, into one pixel of another; outside is zero."""
-    channels, height, width = image.shape
-    left, top = int(np.floor(at_x)), int(np.floor(at_y))
-    fx, fy = at_x - np.float32(left), at_y - np.float32(top)
-    one = np.float32(1)
-    if 0 <= left < width - 1 and 0 <= top < height - 1:
-        for c in range(channels):
-            upper = image[c, top, left] + fx * (image[c, top, left + 1] - image[c, top, left])
-            lower = image[c, top + 1, left] + fx * (image[c, top + 1, left + 1] - image[c, top + 1, left])
-            into[c, y, x] = upper + fy * (lower - upper)
-        return
-    for c in range(channels):
-        total = np.float32(0)
-        for row, wy in ((top, one - fy), (top + 1, fy)):
-            for column, wx in ((left, one - fx), (left + 1, fx)):
-                if 0 <= row < height and 0 <= column < width:
-                    total += wy * wx * image[c, row, column]
-        into[c, y, x] = total

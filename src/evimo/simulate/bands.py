@@ -15,9 +15,9 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from evimo.events.logarithms import exp, ln
 from evimo.scene.rays.compiling import compiler
 from evimo.simulate.kernels import PixelState, is_calm, low_passed, next_event, slope_to
-from evimo.simulate.logarithms import exp_of_minus, ln
 
 BAND = 8  # rows
 STRETCH = 512  # pixels whose state stays in a fast cache from one loop to the next
@@ -25,7 +25,7 @@ F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
 _1, NONE = np.float32(1), np.int64(0)  # no literal: numba would compile callees for it too
-KERNELS = ("bands", "kernels", "logarithms", "../scene/rays/compiling")
+KERNELS = ("bands", "kernels", "../events/logarithms", "../scene/rays/compiling")
 _compiled = compiler(Path(__file__).parent, KERNELS)
 _jit, _parallel = _compiled(), _compiled(parallel=True)
 
@@ -104,7 +104,7 @@ def _expose(source, e, first, row, lagging):
         signal[i] = ln(light[i])
     if lagging:
         for i in range(number):
-            lag[i], decay[i] = _1 / (light[i] * pace), exp_of_minus(light[i] * pace)
+            lag[i], decay[i] = _1 / (light[i] * pace), exp(-light[i] * pace)
 
 
 def _take(source, e, first, row, lagging):

@@ -43,6 +43,6 @@ RECIPES = {
             "mask_smoothness": 0.02,
             "depth": 0.2,
         },
-        moving_share=0.15,
+        moving_share=0.06,
     ),
 }

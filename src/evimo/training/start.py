@@ -13,6 +13,7 @@ from evimo.errors import BadFile, BadInput
 from evimo.model.checkpoint import load_model
 from evimo.model.motion_net import MotionNet
 from evimo.model.presets import PRESETS
+from evimo.model.widening import widened
 from evimo.recordings.prepared import EVENT_NAMES, NAMES, Prepared, open_prepared, prepare, recording_folders
 from evimo.simulate.film import check_device
 from evimo.simulate.populations import check_population
@@ -43,7 +44,13 @@ class Workplace:
 
 @contextmanager
 def started(
-    data: list[Path], preset: str, config: TrainConfig, workplace: Workplace, *, progress: Callable[[int, int], None]
+    data: list[Path],
+    preset: str,
+    config: TrainConfig,
+    workplace: Workplace,
+    *,
+    grown_from: Path | None = None,
+    progress: Callable[[int, int], None],
 ) -> Generator[Trainer]:
     """A trainer that is ready to run, for as long as the `with` lasts; it goes on from the folder's checkpoint.
 
@@ -52,6 +59,7 @@ def started(
         preset: name of a shape, or a .safetensors file to train further.
         config: of the run.
         workplace: where.
+        grown_from: a .safetensors file of a smaller model; the shape starts by answering as it does.
         progress: gets how many recordings are prepared, of how many.
 
     Raises:
@@ -64,7 +72,7 @@ def started(
     if workplace.threads or config.simulate:
         torch.set_num_threads(workplace.threads or max(1, (os.cpu_count() or 1) - workplace.workers))
     torch.manual_seed(config.seed)
-    model = MotionNet(PRESETS[preset]).to(device) if preset in PRESETS else load_model(preset, device=device)
+    model = _model(preset, grown_from).to(device)
     with joined_team(device) as team, ExitStack() as films:
         if team.rank:
             team.wait()  # one process prepares, the others find it done
@@ -75,6 +83,14 @@ def started(
         trainer = Trainer(model, config, joined(samples, filmed, len(config.simulate)), workplace.out, team=team)
         trainer.resume()
         yield trainer
+
+
+def _model(preset: str, grown_from: Path | None) -> MotionNet:
+    if preset not in PRESETS:
+        if grown_from:
+            raise BadInput(f"{preset} has weights of its own", fix=f"a shape to grow to: {', '.join(PRESETS)}")
+        return load_model(preset)
+    return widened(load_model(grown_from), PRESETS[preset]) if grown_from else MotionNet(PRESETS[preset])
 
 
 def check_data(data: list[Path], config: TrainConfig) -> None:

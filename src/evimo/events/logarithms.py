@@ -33,7 +33,9 @@ _EXP_OVER = tuple(
 )  # fmt: skip
 _EXP_UNDER = tuple(f32(c) for c in (2.159509375685829852307e-02, -2.742335390411667452936e-01, 1.0))
 
-_jit = numba.njit(nogil=True, error_model="numpy", cache=True)
+# Exact arithmetic is asked for aloud: else a `fastmath` caller that compiles them first would have its own way, and
+# the cache would keep it for all.
+_jit = numba.njit(nogil=True, fastmath=False, error_model="numpy", cache=True)
 
 
 def _multiply_add(typing_context, a, b, c):
@@ -61,9 +63,9 @@ def ln(x):
 
 
 @_jit
-def exp_of_minus(x):
-    """exp(-x) of a number from 0 up."""
-    x = max(-x, LEAST)
+def exp(x):
+    """The exponential of a number up to 88."""
+    x = max(x, LEAST)
     whole = (x * LOG2_E + ROUNDER) - ROUNDER
     r = _fma(whole, -LN_2_LOW, _fma(whole, -LN_2_HIGH, x))
     a, b = _EXP_OVER, _EXP_UNDER
