@@ -58,9 +58,9 @@ def _lines(total: int) -> Advance:
     def advance() -> None:
         nonlocal said_s
         rate.add()
-        if time.perf_counter() - said_s >= EVERY_S:
+        if rate.count > 1 and time.perf_counter() - said_s >= EVERY_S:
             said_s, per_s = time.perf_counter(), rate.per_s
-            left_s = (total - rate.count) / per_s if per_s > 0 else float("inf")
+            left_s = (total - rate.count) / per_s
             print(f"{rate.count} of {total} slices, {per_s:.1f} slices/s, {left_s:.0f} s left", file=sys.stderr)
 
     return advance
