@@ -25,7 +25,8 @@ STEP, CELL = 2, 4  # px of the rectified image per pixel of the counts, and pixe
 SHARP, NEAR = 0.5, 2.0  # blur of the counts, pixels; of the number of events around a cell, cells
 QUIET = 0.1  # of the mean number of events, which a cell's is raised by
 ROUNDS, KNEE = 6, 8.0  # of reweighting; how much less than the mean's a cell's error must be to keep its say
-PRIOR = 10.0  # cells' worth of evidence that the twist is right
+PRIOR = 10.0  # cells' worth of evidence that the twist is right, and more of a camera that is seen at rest:
+RESTING, LEAST = 1.2, 0.1  # px per slice: slower ones are believed, lest a few events of a mover lead them away
 KNOWN = 1e6  # the same for a rotation that a gyroscope measured
 BASELINES = ((0, 2, 4), (0, 1, 2), (1, 2, 3), (2, 3, 4))  # slices before, at and after
 
@@ -51,7 +52,9 @@ def twist_correction(sharp: EventStack, motion: StaticMotion, *, known_rotation:
     _count(sharp, counts)
     products = _products(counts)
     basis = _basis(motion, height, width)
-    prior = PRIOR * np.square(basis, dtype=np.float64).sum(1).mean((1, 2)) * STEP**2
+    speed = STEP * np.sqrt(np.square(np.tensordot(motion.twist[SLICES // 2], basis, 1)).sum(0).mean())
+    belief = PRIOR * (1 + (RESTING / (speed + LEAST)) ** 2)
+    prior = belief * np.square(basis, dtype=np.float64).sum(1).mean((1, 2)) * STEP**2
     if known_rotation:
         prior[3:] *= KNOWN
     correction: F8 = np.zeros(6)
