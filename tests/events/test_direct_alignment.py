@@ -126,6 +126,15 @@ def test_too_few_events_say_nothing():
     np.testing.assert_array_equal(aligned(few, guess(inv_depth, STILL)).twist, 0)
 
 
+def test_events_beyond_the_image_say_nothing():
+    outside = EventStack(
+        *(np.full(2 * FEWEST, value, np.float32) for value in (-50, 1000, 0)), np.ones(2 * FEWEST, np.bool_)
+    )
+    np.testing.assert_array_equal(
+        aligned(outside, guess(np.ones((30, 40), np.float32), TRUTH)).twist[0], np.float32(TRUTH)
+    )
+
+
 def test_where_nothing_is_nothing_is_corrected():
     """All events in one place, none elsewhere: no division by nothing."""
     events = EventStack(

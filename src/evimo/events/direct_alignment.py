@@ -62,7 +62,7 @@ def twist_correction(sharp: EventStack, motion: StaticMotion, *, known_rotation:
     for _ in range(ROUNDS):
         matrix, right = np.zeros((6, 6)), np.zeros(6)
         noise = _normal_equations(products, basis, say, matrix, right)
-        correction = np.linalg.solve(matrix + noise * np.diag(prior), right).astype(np.float64)
+        correction = np.linalg.solve(matrix + (noise + 1e-9) * np.diag(prior), right).astype(np.float64)
         _reweight(products, basis, correction.astype(np.float32), say)
     return correction
 
