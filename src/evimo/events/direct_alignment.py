@@ -138,7 +138,7 @@ def _normal_equations(products, basis, say, matrix, right):
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def _reweight(products, basis, correction, say):
     """What each cell has to say, by the change that the correction leaves for its contrast (Cauchy's weights)."""
-    floor = np.float32(0.3) * (products[XX] + products[YY]).mean()
+    floor = np.float32(0.3) * (products[XX] + products[YY]).mean() + np.float32(1e-9)
     left = np.empty_like(say)
     errors = contrasts = 0.0
     for row in range(say.shape[0]):
