@@ -73,6 +73,18 @@ def test_a_wrong_twist_is_corrected(start):
     assert left_px(aligned(stack, once)) < 0.1
 
 
+@pytest.mark.parametrize("axis", range(6))
+def test_each_component_is_corrected_in_its_own_direction(axis):
+    """The camera's poses say which way: translation right, down, forward, then rotation about the same axes."""
+    stack, inv_depth = world(TRUTH)
+    error = np.zeros(6)
+    error[axis] = (2.0 if axis % 3 == 2 else 0.5) / LENS[0]  # half a pixel per slice; further out what is seen of z
+    once = aligned(stack, guess(inv_depth, TRUTH + error))
+    twice = aligned(stack, once)
+    assert abs(twice.twist[2, axis] - TRUTH[axis]) < 0.45 * error[axis]
+    assert left_px(twice) < 0.4 * left_px(guess(inv_depth, TRUTH + error))
+
+
 def test_noise_takes_away_a_part_of_the_correction_only():
     stack, inv_depth = world(TRUTH, noise=12_000)
     first = guess(inv_depth, 0.5 * TRUTH)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import torch
-from torch import Tensor, nn
+from torch import nn
 
 from evimo.errors import BadInput
 from evimo.model.backbone import Convolution, DecodingLayer, EvenlyCascaded, Residual
@@ -35,12 +35,8 @@ def _networks(model: MotionNet) -> tuple[EvenlyCascaded, ...]:
 def _widen(source: EvenlyCascaded, target: EvenlyCascaded) -> None:
     """Copy level by level: the low-level stream to the start of the wider one, each growth to the start of its own."""
     places = _places(source, target)
-    everything = range(source.stem.weight.shape[1]), range(source.beside.weight.shape[1])
-    for old, new, inputs in (
-        (source.stem, target.stem, everything[0]),
-        (source.beside, target.beside, everything[1]),
-    ):
-        _widen_convolution(old, new, inputs, places[0])
+    for old, new in ((source.stem, target.stem), (source.beside, target.beside)):
+        _widen_convolution(old, new, range(old.in_channels), places[0])
     for level, (old, new) in enumerate(zip(source.encoder, target.encoder, strict=True)):
         _widen_residual(old, new, places[level], places[level + 1])
     _widen_residual(source.bottom, target.bottom, places[-1], places[-1])
@@ -92,9 +88,5 @@ def _widen_convolution(old: Convolution, new: Convolution, inputs: Sequence[int]
     filters[:, columns] = old.weight - old.weight.mean((1, 2, 3), keepdim=True)
     new.weight[rows] = filters
     new.gain[rows] = old.gain
-    _set(new.bias, rows, old.bias)
-
-
-def _set(target: Tensor | None, rows: Tensor, values: Tensor | None) -> None:
-    assert target is not None and values is not None
-    target[rows] = values
+    assert old.bias is not None and new.bias is not None
+    new.bias[rows] = old.bias

@@ -75,7 +75,9 @@ def validated(
         wanted = sorted({k + d for k in middles for d in range(-HALF, HALF + 1)})
         firsts = {k: _first(model, recording, k, gyroscope=gyroscope) for k in wanted}
         for k in middles:
-            _score(sums, model, recording, k, firsts, gyroscope=gyroscope, oracle=oracle)
+            batch, taken, answer = _answered(model, recording, k, firsts, gyroscope=gyroscope, oracle=oracle)
+            _add_masks(sums, answer, batch)
+            _add_motion(sums, answer, batch, taken.rigid)
     return sums.scores()
 
 
@@ -95,21 +97,6 @@ def _first(model: MotionNet, recording: Prepared, k: int, *, gyroscope: bool) ->
     arrays = voxels, fits, motion_candidates(voxels), valid[None], recording.intrinsics
     see, fit, guess, inside, lens = (torch.from_numpy(each)[None] for each in arrays)
     return model.first(see, fit, guess, inside, lens, _rotation(recording, k, gyroscope))
-
-
-def _score(
-    sums: Sums,
-    model: MotionNet,
-    recording: Prepared,
-    k: int,
-    firsts: dict[int, FirstAnswer],
-    *,
-    gyroscope: bool,
-    oracle: bool,
-) -> None:
-    batch, taken, answer = _answered(model, recording, k, firsts, gyroscope=gyroscope, oracle=oracle)
-    _add_masks(sums, answer, batch)
-    _add_motion(sums, answer, batch, taken.rigid)
 
 
 @torch.no_grad()
@@ -133,8 +120,7 @@ def _answered(
     first = firsts[k]
     twist = torch.cat([firsts[k + d].ego for d in range(-HALF, HALF + 1)]).numpy()
     own = StaticMotion(twist, (1 / first.rel_depth)[0, 0].numpy(), DEPTH_STEP, np.asarray(recording.intrinsics))
-    found = aligned(stack_of(recording, k), own, known_rotation=gyroscope)
-    motion = true_motion(recording, k) if oracle else found
+    motion = true_motion(recording, k) if oracle else aligned(stack_of(recording, k), own, known_rotation=gyroscope)
     batch = whole_batch(recording, [k], [motion], model.config.stride)
     taken = taken_out(batch, first)
     answer = model.second(
