@@ -174,7 +174,9 @@ def test_events_are_not_labelled_unasked(whole):
 def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
     prepared = Run(recorded(discs), Network(fake_network), camera=camera)
     count = len(list(prepared.slices()))
-    stages = "reading slicing placing first_look local_motion first_pass alignment second_look second_pass objects"
+    stages = (
+        "reading slicing placing first_look local_motion first_pass alignment second_look second_pass agreement objects"
+    )
     assert set(prepared.stopwatch.mean_ms(count)) == {stage.replace("_", " ") for stage in stages.split()}
 
 

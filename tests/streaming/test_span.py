@@ -36,10 +36,10 @@ def test_slices_from_the_one_that_holds_start_to_those_that_end_by_stop(one_seco
 
 
 def test_neighbours_are_read_too(one_second):
-    """Two slices to each side of a stack, whose slices are each the middle of a stack of their own."""
+    """One slice whose mask has a say, and two to each side of a stack, whose slices have stacks of their own."""
     span = span_of(one_second, start_s=0.5, stop_s=0.6)
-    assert span.read_start_us == (420 - 4) * 25_000
-    assert span.read_stop_us == (span.last + 4) * 25_000
+    assert span.read_start_us == (420 - 5) * 25_000
+    assert span.read_stop_us == (span.last + 5) * 25_000
 
 
 @pytest.mark.parametrize(

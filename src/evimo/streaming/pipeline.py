@@ -2,8 +2,8 @@
 
 One thread reads events, cuts slices and places them in the rectified image. Several run the first pass, a slice each,
 from which small graphs gain more than from threads inside one slice. As many correct what it found by direct alignment,
-take the camera's motion out of the events and run the second pass, and the caller's own finds objects. Bounded queues
-join them, so an hour needs no more memory than a second.
+take the camera's motion out of the events and run the second pass, and the caller's own lets neighbouring slices agree
+and finds objects. Bounded queues join them, so an hour needs no more memory than a second.
 """
 
 from collections.abc import Generator, Iterator
@@ -27,12 +27,13 @@ from evimo.events.stack import EventStack
 from evimo.geometry.camera import Camera, assumed_camera
 from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
+from evimo.streaming.agreement import Agreement
 from evimo.streaming.event_labels import EventLabeller
 from evimo.streaming.inference import Answer, CameraMotion, Network
 from evimo.streaming.looks import Looks, Placed, stacked
 from evimo.streaming.objects import ObjectFinder
 from evimo.streaming.rotation import ALIGNED_OVER, NO_ROTATION, SLICE_S, UNKNOWN, Rotation, rotation_of
-from evimo.streaming.span import STACKED, span_of
+from evimo.streaming.span import AGREEING, STACKED, span_of
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import ahead, in_parallel
 
@@ -134,6 +135,7 @@ class Run:
         self.placed = Placed(self.rectification)
         self._looks = Looks(self.rectification, stride=network.stride)
         self.stopwatch = Stopwatch()
+        self._agreement = Agreement(self.rectification)
         self.finder = ObjectFinder(self.rectification)
         self._labeller = EventLabeller(self.rectification) if event_labels else None
         self._rotation = NO_ROTATION if imu == "off" else None
@@ -176,11 +178,16 @@ class Run:
         firsts = in_parallel(partial(self._first_of, rotation), stacks, workers=self.network.workers)
         second = partial(self._second_of, rotation)
         with closing(in_parallel(second, self._looked(firsts), workers=self.network.workers)) as answers:
-            for stacked, answer in answers:
-                start_us, stop_us = stacked.part.start_us, stacked.part.stop_us
+            for row in in_stacks(answers, None, length=AGREEING):
+                middle = row[AGREEING // 2]
+                if middle is None or not self.span.first <= middle[0].part.index < self.span.last:
+                    continue
+                part = middle[0].part
+                with self.stopwatch.stage("agreement"):
+                    answer = self._agreement.of([each and each[1] for each in row])
                 with self.stopwatch.stage("objects"):
-                    estimate = self.finder.estimate(answer, start_us=start_us, stop_us=stop_us)
-                yield estimate, stacked
+                    estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
+                yield estimate, middle[0]
 
     def _labelled(self, labeller: EventLabeller, found: tuple[Estimate, Stacked]) -> tuple[Estimate, Stacked]:
         estimate, stacked = found
@@ -221,11 +228,12 @@ class Run:
             return Looked(stacked, self.network.first(seen, candidates))
 
     def _looked(self, firsts: Generator[Looked]) -> Generator[tuple[Looked, ...]]:
-        """Five in a row around each slice of the span; at the ends of what is read the nearest one again."""
+        """Five in a row around each slice of the span and its neighbours; at the ends the nearest again."""
+        near = AGREEING // 2
         with closing(firsts):
             for row in in_stacks(firsts, None, length=STACKED):
                 middle = row[STACKED // 2]
-                if middle is not None and self.span.first <= middle.stacked.part.index < self.span.last:
+                if middle is not None and self.span.first - near <= middle.stacked.part.index < self.span.last + near:
                     yield tuple(_nearest(row, number, middle) for number in range(STACKED))
 
     def _second_of(self, rotation: Rotation, row: tuple[Looked, ...]) -> tuple[Stacked, Answer]:

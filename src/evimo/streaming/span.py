@@ -8,7 +8,8 @@ from evimo.events.io.event_file import EventFile
 from evimo.events.slices import SLICE_US
 
 STACKED = 5  # slices of a stack, two before and two after its middle one
-CONTEXT = 2 * (STACKED // 2)  # slices to each side that an estimate depends on: stacks of the slices of its own stack
+AGREEING = 3  # slices whose masks agree, one before and one after
+CONTEXT = 2 * (STACKED // 2) + AGREEING // 2  # slices to each side that an estimate depends on: stacks of stacks
 
 
 @dataclass(frozen=True, slots=True)

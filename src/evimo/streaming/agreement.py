@@ -1,0 +1,65 @@
+# pyright: basic
+"""What three slices in a row agree on: a mask in which the neighbours, brought along by the flow, have their say.
+
+An object that rests for a moment, or shows few events, is missed in one slice and seen in the next. Mistakes of three
+answers are far from the same, so their mean, in log odds, is better than any of them; more neighbours add nothing.
+"""
+
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.geometry.rectification import Rectification
+from evimo.streaming.inference import Answer
+from evimo.streaming.looks import HALF
+from evimo.streaming.rotation import SLICE_S
+
+F4 = NDArray[np.float32]
+
+SAY = 0.6  # of a neighbour, where the slice itself has 1
+SURE = 1e-3  # no answer is taken to be surer than that
+
+
+class Agreement:
+    """Gives each slice's mask what its two neighbours say of the same places; made once per camera."""
+
+    def __init__(self, rectification: Rectification) -> None:
+        image = rectification.image
+        per_slice = np.float32([image.fx, image.fy]) * np.float32(SLICE_S / HALF)
+        self._px_per_slice: F4 = per_slice[:, None, None]
+
+    def of(self, row: Sequence[Answer | None]) -> Answer:
+        """The middle one of three answers, its mask agreed on with the neighbours that there are."""
+        before, here, after = row
+        if here is None:
+            raise ValueError("the middle one of three answers is missing")
+        flow = here.flow * self._px_per_slice
+        total, weight = _log_odds(here.moving), 1.0
+        for neighbour, towards in ((before, -1), (after, 1)):
+            if neighbour is not None:
+                _add_along(_log_odds(neighbour.moving), flow, np.float32(towards), np.float32(SAY), total)
+                weight += SAY
+        return here._replace(moving=1 / (1 + np.exp(total / np.float32(-weight))))
+
+
+def _log_odds(probability: F4) -> F4:
+    kept = np.clip(probability, SURE, 1 - SURE)
+    return np.log(kept / (1 - kept))
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _add_along(image, flow, towards, say, total):
+    """Add what an image (h, w) holds where each pixel's flow (2, h, w), times `towards`, leads; the border holds on."""
+    height, width = image.shape
+    for row in range(height):
+        for column in range(width):
+            x = min(max(np.float32(column) + towards * flow[0, row, column], np.float32(0)), np.float32(width - 1))
+            y = min(max(np.float32(row) + towards * flow[1, row, column], np.float32(0)), np.float32(height - 1))
+            left, top = int(x), int(y)
+            right, below = min(left + 1, width - 1), min(top + 1, height - 1)
+            ax, ay = x - np.float32(left), y - np.float32(top)
+            upper = image[top, left] + ax * (image[top, right] - image[top, left])
+            lower = image[below, left] + ax * (image[below, right] - image[below, left])
+            total[row, column] += say * (upper + ay * (lower - upper))
