@@ -97,6 +97,19 @@ def test_what_moves_by_itself_loses_its_say():
     assert left_px(aligned(with_mover(stack), first)) < 0.3 * left_px(first)
 
 
+@pytest.mark.parametrize("place", [(20.0, 20.0), (300.0, 120.0)])
+def test_a_hot_pixel_where_nothing_else_is_turns_nothing(place):
+    """It stands still on the sensor, hundreds of times a second, where each event is compared with its emptiness."""
+    stack, inv_depth = world(TRUTH)
+    kept = np.hypot(stack.x - place[0], stack.y - place[1]) > 60
+    t = np.linspace(-2.5, 2.5, 125, endpoint=False, dtype=np.float32)
+    hot = (np.full_like(t, place[0]), np.full_like(t, place[1]), t, np.ones(len(t), np.bool_))
+    alone = EventStack(*(column[kept] for column in stack))
+    both = EventStack(*(np.concatenate(columns) for columns in zip(alone, hot, strict=True)))
+    without, with_it = (aligned(each, guess(inv_depth, TRUTH + ERROR)) for each in (alone, both))
+    assert left_px(with_it) < left_px(without) + 0.05
+
+
 def test_a_right_twist_stays():
     stack, inv_depth = world(TRUTH)
     assert left_px(aligned(stack, guess(inv_depth, TRUTH))) < 0.06

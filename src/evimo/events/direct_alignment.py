@@ -24,6 +24,7 @@ FEWEST = 300  # events of a stack that can be aligned
 STEP, CELL = 2, 4  # px of the rectified image per pixel of the counts, and pixels of these per cell
 SHARP, NEAR = 0.5, 2.0  # blur of the counts, pixels; of the number of events around a cell, cells
 QUIET = 0.1  # of the mean number of events, which a cell's is raised by
+LOUDEST = 16.0  # of a typical cell's contrast, what one cell is allowed: a hot pixel where nothing else is has thousands
 ROUNDS, KNEE = 6, 8.0  # of reweighting; how much less than the mean's a cell's error must be to keep its say
 PRIOR = 10.0  # cells' worth of evidence that the twist is right, and more of a camera that is seen at rest:
 RESTING, LEAST = 1.2, 0.1  # px per slice: slower ones are believed, lest a few events of a mover lead them away
@@ -77,7 +78,10 @@ def _products(counts: F4) -> F4:
     products = products.reshape(PRODUCTS, height, CELL // 2, width, CELL // 2).mean((2, 4))
     by_cell = counts.sum((0, 1)).reshape(height, CELL, width, CELL).mean((1, 3))
     near = np.asarray(cv2.GaussianBlur(by_cell, (0, 0), NEAR), np.float32) + np.float32(QUIET) * by_cell.mean()
-    return products / np.square(near + np.float32(1e-6))
+    products /= np.square(near + np.float32(1e-6))
+    contrast = products[XX] + products[YY]
+    loudest = np.float32(LOUDEST) * np.square(np.sqrt(contrast).mean())
+    return products * np.minimum(1, loudest / (contrast + np.float32(1e-12)))
 
 
 def _basis(motion: StaticMotion, height: int, width: int) -> F4:
