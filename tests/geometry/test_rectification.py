@@ -158,10 +158,3 @@ def test_calibrations_that_cannot_be_used_are_refused():
         rectified(Camera(200.0, 200.0, 900.0, 100.0, 260, 346, (0.01, 0.0, 0.0, 0.0)))
     with pytest.raises(BadInput, match="no direction"):
         rectified(Camera(2.0, 2.0, 0.5, 0.5, 2, 2, (-100.0, 0.0, 0.0, 0.0)))
-
-
-def test_table_is_in_the_order_of_a_pixel_table():
-    rectification = rectified(LARGE)
-    x, y, valid, out_height, out_width = rectification.table()
-    assert x is rectification.x and y is rectification.y and valid is rectification.valid
-    assert (out_height, out_width) == rectification.image.size == (195, 346)

@@ -112,7 +112,6 @@ def prepared_of(events, size, slices, intrinsics):
     nothing = np.zeros((slices, *size))
     return Prepared(
         intrinsics=intrinsics,
-        frames=nothing[:, None].astype(np.float16),
         valid=np.ones(size, bool),
         depth=nothing.astype(np.float16),
         ids=nothing.astype(np.uint8),

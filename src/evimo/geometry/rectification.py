@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +17,6 @@ Mask = NDArray[np.bool_]
 MAX_SIZE = (260, 346)
 COVERED = 0.95  # share of the sensor's usable pixels that the rectified image must hold
 FAR_PX = 30_000.0  # positions outside the image are kept within this, so that they stay numbers
-
-
-class RectifiedPositions(NamedTuple):
-    """Where each sensor pixel lands: the fields of `evimo.events.frames.PixelTable`, in its order."""
-
-    x: F4
-    y: F4
-    valid: Mask
-    out_height: int
-    out_width: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +50,6 @@ class Rectification:
     def invalid(self) -> int:
         """Count of sensor pixels without a place in the rectified image."""
         return self.folded + self.outside
-
-    def table(self) -> RectifiedPositions:
-        """Build `events.frames.PixelTable(*rectification.table())` from this."""
-        return RectifiedPositions(self.x, self.y, self.valid, *self.image.size)
 
     def warn_of_invalid(self) -> None:
         """Say once how many sensor pixels are left out, if any. For the caller that made the rectification."""

@@ -205,7 +205,10 @@ def _px_per_s(flow: Tensor, prediction: Prediction) -> Tensor:
 
 
 def slice_frames(counts: Tensor) -> Tensor:
-    """Event frames (B, 5, 3, h, w) from counts (B, 30, h, w) by slice, bin and polarity; times are those of bins."""
+    """The paper's image of each slice, both counts and the mean time, (B, 5, 3, h, w), for its coarse warp loss.
+
+    From counts (B, 30, h, w) by slice, bin and polarity; times are those of bins.
+    """
     by_slice = counts.unflatten(1, (SLICES, BINS, 2))
     times = (torch.arange(BINS, device=counts.device) + 0.5) / BINS
     events = by_slice.sum(3)
