@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 from evimo.errors import BadInput, EvimoWarning
 from evimo.geometry.calibration import load_camera
 from evimo.geometry.camera import Camera
-from evimo.geometry.rectification import rectified
+from evimo.geometry.rectification import halved_mask, rectified
 
 PINHOLE = Camera(200.0, 190.0, 170.0, 120.0, 260, 346)
 BARREL = Camera(257.7, 256.6, 188.3, 131.6, 260, 346, (-0.363, 0.125, -1e-4, -5e-6))
@@ -151,6 +151,13 @@ def test_a_seventh_of_a_real_sensor_is_left_out_and_said(shared_data):
     assert rectification.folded / 89_960 == pytest.approx(0.14, abs=0.005)
     with pytest.warns(EvimoWarning, match="not monotonic"):
         rectification.warn_of_invalid()
+
+
+def test_a_halved_mask_is_the_share_of_four_pixels():
+    mask = np.ones((3, 5), np.bool_)
+    mask[0, 0] = False
+    halved = halved_mask(mask, (4, 8))
+    assert halved.tolist() == [[0.75, 1, 0.5, 0], [0.5, 0.5, 0.25, 0]]
 
 
 def test_calibrations_that_cannot_be_used_are_refused():
