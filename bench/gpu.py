@@ -3,9 +3,9 @@
     python bench/gpu.py [--out out/gpu.json]                     # on a machine with an NVIDIA GPU and evimo[cuda]
     NUMBA_ENABLE_CUDASIM=1 python bench/gpu.py --toy             # that the script works; its rates mean nothing
 
-The scenes are fixed: one of each set from seed 90000, 346x260 px. A slice is made as training takes it, truth and
-event frame in GPU memory; drawing the scenes, which the CPU does, is timed apart. First calls, which compile, are not
-timed.
+The scenes are fixed: one of each set from seed 90000, 346x260 px. A slice is made as training takes it, events and
+truth in the rectified image, in memory; drawing the scenes, which the CPU does, is timed apart. First calls, which
+compile, are not timed.
 """
 
 import argparse
@@ -27,9 +27,9 @@ from evimo.simulate import film
 from evimo.simulate.bands import Fed
 from evimo.simulate.cuda_film import CudaFilm
 from evimo.simulate.cuda_pixels import CudaPixels
-from evimo.simulate.cuda_slices import made_ready, simulated_slices
 from evimo.simulate.film import steps
 from evimo.simulate.pixels import Pixels, blurred
+from evimo.simulate.prepared import filmed
 from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording
 
 SEED = 90_000
@@ -70,15 +70,14 @@ def agreement(recording: SimulatedRecording, frames: int) -> dict[str, float]:
 
 
 def rates(recording: SimulatedRecording, frames: int, rounds: int) -> dict[str, float]:
-    """Frames/s of rendering, of everything up to events; slices/s into tensors; and the CPU's share of that."""
+    """Frames/s of rendering, of everything up to events, of the CPU's share; slices/s into what training reads."""
     renderer, times = Renderer(recording.scene, recording.camera), np.linspace(0, recording.seconds, frames)
-    on_gpu, ready, rng = CudaRenderer(renderer), made_ready(recording), np.random.default_rng(0)
-    filming = CudaFilm(renderer, recording.settings, rng, start_s=0.0)
+    on_gpu = CudaRenderer(renderer)
+    filming = CudaFilm(renderer, recording.settings, np.random.default_rng(0), start_s=0.0)
     works = {
         "frames_per_s": (frames, lambda: on_gpu.frames(times)),
-        "film_frames_per_s": (frames, lambda: filming.pixels.events(filming.fed([times])[0])),
-        "slices_per_s": (recording.slices, lambda: simulated_slices(ready)),
-        "ready_slices_per_s": (recording.slices, lambda: made_ready(recording)),
+        "film_frames_per_s": (frames, lambda: filming.pixels.events(filming.fed(times)[0])),
+        "slices_per_s": (recording.slices, lambda: filmed(recording)),
         "placed_frames_per_s": (frames, lambda: renderer.packed.placed(times)),
     }  # fmt: skip
     for _, work in works.values():

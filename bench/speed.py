@@ -1,6 +1,6 @@
 """Speed of every stage on two cores: prints a table, writes out/bench.json. `make bench` runs this.
 
-    python bench/speed.py [--only slicing,simulate,rendering,run,onnx,warping,labels,training] [--out out/bench.json]
+    python bench/speed.py [--only simulate,rendering,run,onnx,warping,labels,training] [--out out/bench.json]
 
 Peers are timed in turn within this very run, and medians compared: absolute times mean little on a shared machine.
 What cannot be measured here is listed with the reason. The JSON has one key per number; `rows` says more.
@@ -49,15 +49,6 @@ def evimo(*arguments: str | Path) -> float:
         reason = " ".join(done.stderr.split()[-40:])
         raise Skipped(f"evimo {arguments[0]} failed: {reason}")
     return time.perf_counter() - start
-
-
-def slicing() -> Iterator[Row]:
-    """Events to frames, against numpy."""
-    if find_spec("slicing") is None:
-        raise Skipped("bench/slicing.py is not here")
-    from slicing import slicing_rows
-
-    yield from slicing_rows()
 
 
 def simulate() -> Iterator[Row]:
@@ -216,7 +207,6 @@ def training() -> Iterator[Row]:
 
 
 MEASUREMENTS: dict[str, Callable[[], Iterator[Row]]] = {
-    "slicing": slicing,
     "simulate": simulate,
     "rendering": rendering,
     "run": run,

@@ -26,7 +26,6 @@ def random_recording() -> Any:
     ids = (rng.random(shape) < 0.05).astype(np.uint8)
     return Prepared(
         intrinsics=np.array((258, 258, 173, 130), np.float32),
-        frames=np.zeros((slices, 3, 1, 1), np.float16),
         valid=np.ones(SIZE, bool),
         depth=rng.uniform(1, 3, shape).astype(np.float16),
         ids=ids,

@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 from evimo.errors import BadInput, EvimoWarning
 from evimo.geometry.calibration import load_camera
 from evimo.geometry.camera import Camera
-from evimo.geometry.rectification import rectified
+from evimo.geometry.rectification import halved_mask, rectified
 
 PINHOLE = Camera(200.0, 190.0, 170.0, 120.0, 260, 346)
 BARREL = Camera(257.7, 256.6, 188.3, 131.6, 260, 346, (-0.363, 0.125, -1e-4, -5e-6))
@@ -153,15 +153,15 @@ def test_a_seventh_of_a_real_sensor_is_left_out_and_said(shared_data):
         rectification.warn_of_invalid()
 
 
+def test_a_halved_mask_is_the_share_of_four_pixels():
+    mask = np.ones((3, 5), np.bool_)
+    mask[0, 0] = False
+    halved = halved_mask(mask, (4, 8))
+    assert halved.tolist() == [[0.75, 1, 0.5, 0], [0.5, 0.5, 0.25, 0]]
+
+
 def test_calibrations_that_cannot_be_used_are_refused():
     with pytest.raises(BadInput, match="off the image"):
         rectified(Camera(200.0, 200.0, 900.0, 100.0, 260, 346, (0.01, 0.0, 0.0, 0.0)))
     with pytest.raises(BadInput, match="no direction"):
         rectified(Camera(2.0, 2.0, 0.5, 0.5, 2, 2, (-100.0, 0.0, 0.0, 0.0)))
-
-
-def test_table_is_in_the_order_of_a_pixel_table():
-    rectification = rectified(LARGE)
-    x, y, valid, out_height, out_width = rectification.table()
-    assert x is rectification.x and y is rectification.y and valid is rectification.valid
-    assert (out_height, out_width) == rectification.image.size == (195, 346)

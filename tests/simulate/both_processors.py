@@ -25,9 +25,9 @@ from evimo.simulate import film
 from evimo.simulate.bands import Exposures, Fed
 from evimo.simulate.cuda_film import CudaFilm, blurred_on_gpu
 from evimo.simulate.cuda_pixels import CudaPixels
-from evimo.simulate.cuda_slices import made_ready, simulated_slices
 from evimo.simulate.film import Film
 from evimo.simulate.pixels import Pixels, blurred
+from evimo.simulate.prepared import filmed
 from evimo.simulate.recording import SimulatedRecording
 from evimo.simulate.sensor import SensorSettings
 
@@ -115,12 +115,8 @@ def compared(height: int, width: int) -> dict:
     stretch = np.linspace(0, 0.01, 5)
     films = [kind(renderer, NOISY, np.random.default_rng(2), start_s=0.0) for kind in (Film, CudaFilm)]
     found["film"] = [one.run(stretch, np.ones(renderer.cones.shape[:2], np.int32)) for one in films]
-    recording = SimulatedRecording(1, 1, 0.05, renderer.camera, renderer.scene, NOISY, 1, device="cuda")
-    slices = simulated_slices(made_ready(recording))
-    arrays = {name: values for name, values in slices._asdict().items() if name not in ("sums", "splat")}
-    arrays["milliseconds"] = slices.milliseconds()
-    found["slices"] = {name: np.asarray(getattr(a, "copy_to_host", lambda a=a: a)()) for name, a in arrays.items()}
-    found["pieces"], found["camera"] = list(recording), renderer.camera
+    recording = SimulatedRecording(1, 1, 0.05, renderer.camera, renderer.scene, NOISY, 1)
+    found["prepared"] = [filmed(replace(recording, device=device)) for device in ("cpu", "cuda")]
     return found
 
 

@@ -13,7 +13,6 @@ import numba.cuda
 import numpy as np
 from numba.cuda.dispatcher import CUDADispatcher
 
-from evimo.simulate.cuda_slices import made_ready, simulated_slices
 from evimo.simulate.recording import simulate_recording
 
 CAPABILITY = (9, 0)  # H100 and H200
@@ -72,6 +71,4 @@ def kept_on_host():
 
 if __name__ == "__main__":
     kept_on_host()
-    recording = simulate_recording(1, set_number=2, seconds=0.05, size=(24, 32))
-    simulated_slices(made_ready(recording)).milliseconds()
-    list(replace(recording, device="cuda"))
+    list(replace(simulate_recording(1, set_number=2, seconds=0.05, size=(24, 32)), device="cuda"))

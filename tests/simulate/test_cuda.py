@@ -13,10 +13,6 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadInput
-from evimo.events.events import joined
-from evimo.events.frames import PixelTable, event_frame
-from evimo.geometry.rectification import rectified
-from evimo.recordings.flow import true_flow
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.resuming import as_made
 
@@ -96,42 +92,21 @@ def test_a_film_of_the_same_times_fires_nearly_the_same_events(both):
     assert np.abs(counts[0] - counts[1]).sum() <= 1e-3 * len(mine)
 
 
-def test_slices_without_a_list_are_those_of_the_list(both):
-    pieces, slices = both.found["pieces"], both.found["slices"]
-    table = PixelTable(*rectified(both.found["camera"]).table())
-    assert len(pieces) == len(slices["frames"]) == 2
-    for k, piece in enumerate(pieces):
-        frame = event_frame(piece.events, table, start_us=25_000 * k)
-        assert frame[:2].sum() > 30
-        np.testing.assert_allclose(slices["frames"][k], frame, atol=2e-6, rtol=2e-6)
-
-
-def test_milliseconds_are_those_of_the_list(both):
-    events, images = joined([piece.events for piece in both.found["pieces"]]), both.found["slices"]["milliseconds"]
-    table = PixelTable(*rectified(both.found["camera"]).table())
-    for ms in range(0, 50, 7):
-        first, last = np.searchsorted(events.t, (1000 * ms, 1000 * ms + 1000))
-        frame = event_frame(events.part(first, last), table, start_us=1000 * ms, dt_us=1000)
-        np.testing.assert_allclose(images[ms // 25, ms % 25], frame[0] + frame[1], atol=2e-6, rtol=2e-6)
-
-
-def test_truth_is_the_recordings_in_the_rectified_image(both):
-    camera, slices = both.found["camera"], both.found["slices"]
-    rectification, grid = rectified(camera), np.moveaxis(camera.normalised(camera.pixels())[0], -1, 0)
-    assert 0 < slices["moving"].mean() < 0.9
-    for k, piece in enumerate(both.found["pieces"]):
-        truth = piece.truth
-        for name in ("ids", "clutter"):
-            np.testing.assert_array_equal(slices[name][k], rectification.from_sensor(getattr(truth, name)))
-        depth = rectification.from_sensor(np.where(truth.valid, truth.depth, 0))
-        np.testing.assert_array_equal(slices["depth"][k], depth)
-        flow = rectification.from_sensor(true_flow(truth, grid))
-        np.testing.assert_allclose(slices["flow"][k], flow, atol=1e-5)
-        np.testing.assert_allclose(slices["ego"][k], truth.ego, rtol=1e-6)
-        for id_, moved in truth.objects.items():
-            moves = np.linalg.norm(moved.velocity) > 0.03 or np.linalg.norm(moved.rotation) > 0.17
-            np.testing.assert_allclose(slices["velocity"][k, id_], moved.velocity * moves, rtol=1e-6)
-            np.testing.assert_array_equal(slices["moving"][k][slices["ids"][k] == id_], moves)
+def test_training_reads_nearly_the_same_of_both(both):
+    """A recording that is filmed into memory, as `evimo train --simulate` does: events in a list, truth beside them."""
+    mine, theirs = both.found["prepared"]
+    assert len(mine) == len(theirs) == 2
+    assert 0 < mine.moving.mean() < 0.9
+    for name in ("valid", "velocity", "ego"):
+        np.testing.assert_array_equal(getattr(theirs, name), getattr(mine, name), err_msg=name)
+    for name in ("ids", "moving", "clutter"):
+        assert (getattr(theirs, name) == getattr(mine, name)).mean() > 0.999, name
+    for name in ("depth", "flow"):
+        off = np.abs(getattr(theirs, name).astype(float) - getattr(mine, name))
+        assert np.percentile(off, 99.5) < 0.01, name
+    assert np.diff(theirs.event_first).min() > 30
+    np.testing.assert_allclose(np.diff(theirs.event_first), np.diff(mine.event_first), rtol=0.02)
+    assert theirs.event_on.mean() == pytest.approx(mine.event_on.mean(), abs=0.02)
 
 
 def test_recordings_of_another_device_are_told_apart():

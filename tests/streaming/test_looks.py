@@ -9,7 +9,7 @@ from evimo.events.stack import voxel_grid
 from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import rectified
 from evimo.streaming.inference import CameraMotion
-from evimo.streaming.looks import Looks, Placed, halved_mask, stacked
+from evimo.streaming.looks import Looks, Placed, stacked
 from evimo.streaming.rotation import UNKNOWN
 
 BARREL = Camera(12.0, 12.0, 15.5, 11.5, 24, 32, distortion=(-0.5, 0.1, 0.0, 0.0))
@@ -63,13 +63,6 @@ def test_missing_slices_leave_a_gap(pinhole):
     assert stacked([None, None, part, None, part]).t.tolist() == [0, 2]
     assert stacked([None] * 5).t.shape == (0,)
     assert stacked([None] * 5).positive.dtype == np.bool_
-
-
-def test_a_halved_mask_is_the_share_of_four_pixels():
-    mask = np.ones((3, 5), np.bool_)
-    mask[0, 0] = False
-    halved = halved_mask(mask, (4, 8))
-    assert halved.tolist() == [[0.75, 1, 0.5, 0], [0.5, 0.5, 0.25, 0]]
 
 
 def test_images_are_padded_to_the_stride(pinhole):

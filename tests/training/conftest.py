@@ -47,8 +47,6 @@ def known_recording(size: tuple[int, int], slices: int, seed: int, *, with_box: 
     t_us = rng.integers(0, SLICE_US, len(number))
     way = np.where(box[number, row, column], -1, 1)
     x = (column + way * (t_us / SLICE_US - 0.5)).clip(0, width - 1)
-    frames = np.stack((signs > 0, signs < 0, np.zeros_like(signs)), axis=1).astype(np.float16)
-    frames[number, 2, row, column] = t_us / SLICE_US
     speed = SLICES_PER_S / focal_px  # of one px per slice, 1/s on the plane Z = 1
     velocity = np.zeros((slices, 256, 3), np.float32)
     velocity[:, 1, 0] = -WALL_M * speed - BOX_M * speed
@@ -56,7 +54,6 @@ def known_recording(size: tuple[int, int], slices: int, seed: int, *, with_box: 
     flow[:, 0] = np.where(box, -speed, speed)
     return Prepared(
         intrinsics=np.array((focal_px, focal_px, (width - 1) / 2 + 0.3, (height - 1) / 2), np.float32),
-        frames=frames,
         valid=np.ones(size, bool),
         depth=np.where(box, BOX_M, WALL_M).astype(np.float16),
         ids=box.astype(np.uint8),

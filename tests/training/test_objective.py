@@ -78,6 +78,21 @@ def test_the_true_answer_costs_nothing(step, batch):
     assert {"seen", "flow", "twist", "velocity", "mask", "dice"} == found.keys()
 
 
+@pytest.mark.parametrize("name", ["mask", "mask_one_sided", "dice", "depth", "seen"])
+def test_nothing_is_learned_where_the_lens_sees_a_pixel_in_part_and_truth_is_unknown(name, batch):
+    answer = true_answer(batch, 1)
+    valid, known = answer.here.valid.clone(), answer.here.depth_valid.clone()
+    valid[..., -1], known[..., -1] = 0.5, False
+    answer.here = answer.here._replace(valid=valid, depth_valid=known)
+    recipe = Recipe(weights={name: 1.0}, moving_share=0.15)
+    right = answer.costs(recipe)[name]
+    spoilt = {field: getattr(answer.prediction, field).clone() for field in ("mixture", "rel_depth", "seen")}
+    for values in spoilt.values():
+        values[..., -1] += 0.4
+    answer.prediction = answer.prediction._replace(**spoilt)
+    assert answer.costs(recipe)[name] == right
+
+
 @pytest.mark.parametrize("name", sorted(SHIPPED.weights.keys() - {"mask_smoothness"} | {"flow", "mask_one_sided"}))
 def test_a_worse_answer_costs_more(name, batch):
     recipe = Recipe(weights={name: 1.0}, moving_share=0.15)

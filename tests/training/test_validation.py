@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 import torch
 
+from evimo.geometry.camera import Camera
 from evimo.geometry.grids import resized_intrinsics
+from evimo.geometry.rectification import rectified
 from evimo.model.motion_net import Prediction
+from evimo.streaming.looks import Looks
+from evimo.streaming.rotation import UNKNOWN
+from evimo.training.data import stack_of, true_motion, whole_batch
 from evimo.training.validation import validated
 
 SHARES = ("flow", "static_flow", "rotation", "translation")
@@ -45,6 +50,24 @@ def scores(tiny, monkeypatch):
         return validated(model, [world], **how)
 
     return of_second
+
+
+def test_the_share_that_the_lens_sees_is_a_runs_also_where_sides_are_odd(recording, tiny, monkeypatch):
+    """Of 35x53 px, in part unseen: what a run shows to the passes, what batches show, and what validation does."""
+    world = recording(size=(35, 53), slices=5)
+    world.valid[:5, :9] = np.random.default_rng(0).random((5, 9)) < 0.5
+    model = tiny().eval()
+    image = rectified(Camera(40.0, 40.0, 26.0, 17.0, 35, 53))
+    looks = Looks(replace(image, image_valid=world.valid), stride=model.config.stride)
+    expected = looks.first(stack_of(world, 2), UNKNOWN).valid
+    assert set(np.unique(expected)) == {0, 0.25, 0.5, 0.75, 1}
+    batch = whole_batch(world, [2], [true_motion(world, 2)], model.config.stride)
+    shown, first = [], model.first
+    monkeypatch.setattr(model, "first", lambda *inputs: shown.append(inputs[3]) or first(*inputs))
+    validated(model, [world])
+    for valid in (batch.valid, *shown):
+        np.testing.assert_array_equal(valid[0, 0], expected)
+    assert len(shown) == 5
 
 
 def test_an_untrained_model_has_finite_scores(recording, tiny, without_events):

@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +17,6 @@ Mask = NDArray[np.bool_]
 MAX_SIZE = (260, 346)
 COVERED = 0.95  # share of the sensor's usable pixels that the rectified image must hold
 FAR_PX = 30_000.0  # positions outside the image are kept within this, so that they stay numbers
-
-
-class RectifiedPositions(NamedTuple):
-    """Where each sensor pixel lands: the fields of `evimo.events.frames.PixelTable`, in its order."""
-
-    x: F4
-    y: F4
-    valid: Mask
-    out_height: int
-    out_width: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +50,6 @@ class Rectification:
     def invalid(self) -> int:
         """Count of sensor pixels without a place in the rectified image."""
         return self.folded + self.outside
-
-    def table(self) -> RectifiedPositions:
-        """Build `events.frames.PixelTable(*rectification.table())` from this."""
-        return RectifiedPositions(self.x, self.y, self.valid, *self.image.size)
 
     def warn_of_invalid(self) -> None:
         """Say once how many sensor pixels are left out, if any. For the caller that made the rectification."""
@@ -129,6 +115,13 @@ def rectified(camera: Camera, *, max_size: tuple[int, int] = MAX_SIZE) -> Rectif
         folded=int((~has_direction).sum()),
         outside=int((has_direction & ~valid).sum()),
     )
+
+
+def halved_mask(mask: Mask, size: tuple[int, int]) -> F4:
+    """The share of each pixel's four that a mask (H, W) holds, (h, w) of half of `size`; beyond the mask is nothing."""
+    whole = np.zeros(size, np.float32)
+    whole[: mask.shape[0], : mask.shape[1]] = mask
+    return whole.reshape(size[0] // 2, 2, size[1] // 2, 2).mean((1, 3))
 
 
 def _inside(at: F4 | F8, size: tuple[int, int]) -> Mask:

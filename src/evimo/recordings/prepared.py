@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
-from evimo.events.frames import FrameMaker, PixelTable
 from evimo.events.slices import SLICE_US, Slice, in_slices
 from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import Rectification, rectified
@@ -22,7 +21,7 @@ from evimo.recordings.truth import Truth
 
 FORMAT = 1
 SUBPIXEL = 64  # steps per px of stored event positions
-NAMES = ("frames", "valid", "depth", "ids", "moving", "clutter", "flow", "velocity", "ego")
+NAMES = ("valid", "depth", "ids", "moving", "clutter", "flow", "velocity", "ego")
 EVENT_NAMES = ("event_xy", "event_t", "event_on", "event_first")
 
 
@@ -31,7 +30,6 @@ class Prepared:
     """One recording's slices that have truth, in the rectified image (h, w); arrays are memory-mapped.
 
     intrinsics: (4,) fx fy cx cy, px.
-    frames:   (S, 3, h, w) float16 event frames.
     valid:    (h, w) bool, pixels that the lens sees.
     depth:    (S, h, w) float16, m; 0 is unknown.
     ids:      (S, h, w) uint8.
@@ -45,7 +43,6 @@ class Prepared:
     """
 
     intrinsics: NDArray[np.float32]
-    frames: NDArray[np.float16]
     valid: NDArray[np.bool_]
     depth: NDArray[np.float16]
     ids: NDArray[np.uint8]
@@ -60,7 +57,7 @@ class Prepared:
     event_first: NDArray[np.int64]
 
     def __len__(self) -> int:
-        return len(self.frames)
+        return len(self.ego)
 
 
 def recording_folders(paths: list[Path]) -> list[Path]:
@@ -106,7 +103,7 @@ def prepare(folder: Path) -> Path:
 
 
 def open_prepared(folder: Path) -> Prepared:
-    """Open what `prepare` wrote.
+    """Open what `prepare` wrote; files of arrays that are no longer read, which earlier versions wrote, do no harm.
 
     Raises:
         BadFile: it is damaged.
@@ -139,17 +136,9 @@ def _stored_slices(recording: Recording) -> Iterator[tuple[Slice, Truth]]:
 def _arrays(camera: Camera, slices: Iterable[tuple[Slice, Truth]]) -> tuple[dict[str, NDArray[Any]], list[float]]:
     """Everything of one recording, by name, and its rectified intrinsics."""
     rectification = rectified(camera)
-    maker = FrameMaker(PixelTable(*rectification.table()))
     pixels, _ = camera.normalised(camera.pixels())
     grid = np.moveaxis(pixels, -1, 0)
-    rows: list[dict[str, NDArray[Any]]] = []
-    for slice_, truth in slices:
-        frame = maker.frame(slice_.events, start_us=slice_.start_us)
-        rows.append(
-            {"frames": frame.astype(np.float16)}
-            | _truth_row(truth, grid, rectification)
-            | _event_row(slice_, rectification)
-        )
+    rows = [_truth_row(truth, grid, rectification) | _event_row(slice_, rectification) for slice_, truth in slices]
     arrays = {name: np.stack([row[name] for row in rows]) for name in NAMES if name != "valid"}
     arrays |= {name: np.concatenate([row[name] for row in rows]) for name in EVENT_NAMES[:3]}
     counts = [len(row["event_t"]) for row in rows]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from evimo.scene.rays.cuda import LISTING, Lists, bound, cast_centres, fill_lists, glance, smooth_edges
+from evimo.scene.rays.cuda import LISTING, Lists, bound, cast_centres, fill_lists, smooth_edges
 from evimo.scene.rays.film import TILE
 from evimo.scene.rays.on_device import THREADS, blocks, cuda, uploaded
 from evimo.scene.renderer import Frames, Renderer
@@ -33,16 +33,6 @@ class CudaRenderer:
         cast_centres[tiles](self._rays, *scene, lists, *frames)
         smooth_edges[tiles](self._rays, *scene, lists, frames.image, frames.tags)
         return frames
-
-    def glance(self, time_s: np.ndarray) -> tuple[Any, Any]:
-        """Depth (F, N) and part (F, N) of the renderer's coarse rays at times (F,), on the GPU."""
-        rays, everything = self.renderer.coarse_rays, np.arange(len(self._parts.shape), dtype=np.uint8)
-        shape = (len(time_s), rays.shape[1])
-        depth, parts = cuda.device_array(shape, np.float32), cuda.device_array(shape, np.int32)
-        things, placed = (self._parts, self._bank, self._meshes), uploaded(self.renderer.packed.placed(time_s))
-        grid = ((blocks(shape[1]), shape[0]), (THREADS, 1))
-        glance[grid](cuda.to_device(rays), placed, things, cuda.to_device(everything), depth, parts)
-        return depth, parts
 
     def _lists(self, placed: Any, frames: int) -> Lists:
         rows, columns = self._cones.shape[:2]

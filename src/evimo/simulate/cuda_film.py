@@ -1,7 +1,6 @@
 # pyright: basic
 """Frames and events on an NVIDIA GPU. Nothing but a list of events, depth and parts comes back from it."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -10,7 +9,7 @@ import numpy as np
 from evimo.scene.cuda_renderer import CudaRenderer
 from evimo.scene.rays.on_device import THREADS, blocks, cuda
 from evimo.scene.renderer import Frames, Renderer
-from evimo.simulate.bands import Exposures, Fed
+from evimo.simulate.bands import Fed
 from evimo.simulate.cuda_pixels import CudaPixels
 from evimo.simulate.film import Exposed, Strides
 from evimo.simulate.pixels import Pixels
@@ -57,27 +56,18 @@ class CudaFilm:
         first = blurred_on_gpu(self.renderer.frames(np.array([start_s])).image, settings.blur_px)
         self.pixels = CudaPixels(Pixels(settings, rng, first=first.copy_to_host()[0], start_s=start_s))
 
-    def fed(self, stretches: Sequence[np.ndarray]) -> tuple[Fed, Any]:
-        """What the pixels read, and the `Frames`, all on the GPU.
+    def fed(self, time_s: np.ndarray) -> tuple[Fed, Any]:
+        """What the pixels read, and the `Frames` at the times (F,), all on the GPU.
 
-        Args:
-            stretches: times (F,) that follow each other, each beginning where the one before ends; frames are at all of
-                them, once. The first frame is the last of the call before, cast again: cheaper than carried over.
+        The first frame is the last of the call before, cast again: cheaper than carried over.
         """
-        frames = self.renderer.frames(np.concatenate((stretches[0][:1], *(times[1:] for times in stretches))))
+        frames = self.renderer.frames(time_s)
         image = blurred_on_gpu(frames.image, self.settings.blur_px)
-        return self.pixels.fed(image, self._exposures(stretches)), frames
-
-    def _exposures(self, stretches: Sequence[np.ndarray]) -> Exposures:
-        """Of all stretches; each has its own steps where lamps flicker, as on the CPU."""
-        each = [self.pixels.pixels.exposures(times) for times in stretches]
-        passed = np.cumsum([0, *(len(times) - 1 for times in stretches)])
-        each = [at._replace(before=at.before + first) for at, first in zip(each, passed[:-1], strict=True)]
-        return Exposures(*(np.concatenate((c[0][:1], *(one[1:] for one in c))) for c in zip(*each, strict=True)))
+        return self.pixels.fed(image, self.pixels.pixels.exposures(time_s)), frames
 
     def run(self, time_s: np.ndarray, strides: Strides) -> Exposed:
         """As `Film.run`, but strides are always 1, and the frames have no intensity."""
-        fed, frames = self.fed([time_s])
+        fed, frames = self.fed(time_s)
         events, none = self.pixels.events(fed), np.empty((0, *frames.image.shape[1:]), np.float32)
         depth, tags = (values.copy_to_host() for values in frames[1:])
         return Exposed(events, Frames(none, depth, tags), np.ones_like(strides))

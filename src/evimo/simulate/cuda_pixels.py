@@ -2,8 +2,8 @@
 """The event pixels on an NVIDIA GPU: a thread for each goes through all instants; where its events go is a sink's.
 
 The pixel is the CPU's (`kernels.next_event`) with the same random numbers, so from the same signal it fires the same
-events. A list of them takes two runs, the first of which counts. Slices without a list take one: a pixel adds each
-event to sums of its own, so nothing needs to be atomic or sorted, and every number is exact.
+events. Their list takes two runs, the first of which counts: then every pixel has room of its own, and nothing needs to
+be atomic.
 """
 
 import math
@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evimo.events.events import Events
-from evimo.events.slices import SLICE_US
 from evimo.scene.rays.on_device import THREADS, blocks, cuda, on_device, uploaded
 from evimo.simulate import kernels
 from evimo.simulate.bands import BAND, Exposures, Fed
@@ -20,10 +19,7 @@ from evimo.simulate.kernels import PixelState
 from evimo.simulate.pixels import Pixels
 
 f32, f64 = np.float32, np.float64
-i64, u64 = np.int64, np.uint64
 _1 = f32(1)
-MS = 1000  # µs
-POSITIVE, NEGATIVE, TICKS = u64(1 << 16), u64(1), u64(32)  # one event in a packed sum; shift of its time
 
 _low_passed, _begin_step = on_device(kernels.low_passed), on_device(kernels.begin_step)
 _next_event = on_device(kernels.next_event)
@@ -39,20 +35,6 @@ class EventRows(NamedTuple):
     t: Any
     step: Any
     p: Any
-
-
-class SliceSums(NamedTuple):
-    """Sums over slices of S x 25 ms that begin at `start_us`; what falls outside is left out.
-
-    packed: (S, N) uint64, as `events.frames` packs them: sum of µs since the slice's start in the upper 32 bits,
-            positive and negative count in 16 bits each.
-    ms:     (S, 25, N) uint8, events of each millisecond; 255 is 255 or more.
-    """
-
-    packed: Any
-    ms: Any
-    start_us: int
-    tick_us: int
 
 
 @cuda.jit
@@ -103,17 +85,7 @@ def _write(rows, i, step, stamp, sign):
     rows.next[i] = place + 1
 
 
-@cuda.jit(device=True)
-def _add(sums, i, step, stamp, sign):
-    elapsed = stamp // sums.tick_us * sums.tick_us - sums.start_us
-    if elapsed >= 0 and elapsed < sums.packed.shape[0] * SLICE_US:
-        k = elapsed // SLICE_US
-        elapsed -= k * SLICE_US
-        sums.packed[k, i] += (u64(elapsed) << TICKS) + (POSITIVE if sign > 0 else NEGATIVE)
-        sums.ms[k, elapsed // MS, i] = min(i64(sums.ms[k, elapsed // MS, i]) + 1, 255)
-
-
-_count_events, _write_events, _add_events = _run(_count), _run(_write), _run(_add)
+_count_events, _write_events = _run(_count), _run(_write)
 
 
 class CudaPixels:
@@ -149,10 +121,6 @@ class CudaPixels:
         _write_events[grid](fed, self.state, settings, rows)
         return self._ordered(number, rows)
 
-    def add_events(self, fed: Fed, sums: SliceSums) -> None:
-        """Add all events to sums."""
-        _add_events[blocks(self.number), THREADS](fed, self.state, self.pixels.kernel, sums)
-
     def _ordered(self, number: np.ndarray, rows: EventRows) -> Events:
         """By time, and where times are equal as the CPU comes upon them: by band of pixels, instant and pixel."""
         t, step, p = (column.copy_to_host()[: int(number.sum())] for column in rows[1:])
@@ -162,12 +130,6 @@ class CudaPixels:
         order = np.lexsort((met, t))
         y, x = np.divmod(pixel[order], width)
         return Events(x.astype(np.uint16), y.astype(np.uint16), t[order], p[order])
-
-
-def slice_sums(slices: int, number: int, *, start_us: int, tick_us: int) -> SliceSums:
-    """Empty sums for so many slices and pixels, on the GPU."""
-    packed = cuda.to_device(np.zeros((slices, number), np.uint64))
-    return SliceSums(packed, cuda.to_device(np.zeros((slices, SLICE_US // MS, number), np.uint8)), start_us, tick_us)
 
 
 def _copied(state: Any) -> Any:

@@ -78,21 +78,21 @@ def steps(renderer: Renderer, start_s: float, stop_s: float) -> tuple[F8, Stride
     The fastest one pixel in a hundred moves STEP_PX between frames, and none over twice that, if SHORTEST_S allows.
     """
     speed = _speed(renderer, start_s, stop_s)
-    time_s, fastest = frame_times(speed, start_s, stop_s), renderer.by_tile(speed)
+    time_s, fastest = _frame_times(speed, start_s, stop_s), renderer.by_tile(speed)
     possible = np.array([n for n in (1, 2, 4, 8, 16) if len(time_s) // 2 % n == 0])
     step_s = (stop_s - start_s) / (len(time_s) - 1)
     enough = np.clip(STEP_PX / np.maximum(fastest, 1e-3), 0, LONGEST_S) / step_s
     return time_s, possible[np.searchsorted(possible, enough, "right").clip(1) - 1].astype(np.int32)
 
 
-def frame_times(speed: F8, start_s: float, stop_s: float) -> F8:
+def _frame_times(speed: F8, start_s: float, stop_s: float) -> F8:
     """Times (4 n + 1,) of frames from start to stop, where coarse rays' points move at up to `speed` (N,) px/s."""
     wanted_s = STEP_PX / max(float(np.percentile(speed, 99)), 0.5 * float(speed.max()), 1e-3)
     quarters = math.ceil((stop_s - start_s) / min(LONGEST_S, max(SHORTEST_S, wanted_s)) / 4)
     return np.linspace(start_s, stop_s, 4 * quarters + 1)
 
 
-def more_looks(speed: F8, start_s: float, stop_s: float) -> F8:
+def _more_looks(speed: F8, start_s: float, stop_s: float) -> F8:
     """When to look at the motion again (L,), after a look in the middle: if anything goes beyond MARGIN by then."""
     crosses = float(speed.max()) * (stop_s - start_s) >= MARGIN
     return np.array((start_s, stop_s)) if crosses else np.empty(0)
@@ -105,4 +105,4 @@ def _speed(renderer: Renderer, start_s: float, stop_s: float) -> F8:
         return np.linalg.norm(renderer.glance_flow(time_s), axis=0) * renderer.camera.fx
 
     speed = at(0.5 * (start_s + stop_s))
-    return np.max([speed, *(at(float(time_s)) for time_s in more_looks(speed, start_s, stop_s))], axis=0)
+    return np.max([speed, *(at(float(time_s)) for time_s in _more_looks(speed, start_s, stop_s))], axis=0)

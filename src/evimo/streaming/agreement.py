@@ -27,7 +27,7 @@ class Agreement:
 
     def __init__(self, rectification: Rectification) -> None:
         image = rectification.image
-        per_slice = np.float32([image.fx, image.fy]) * np.float32(SLICE_S / HALF)
+        per_slice = np.array((image.fx, image.fy), np.float32) * np.float32(SLICE_S / HALF)
         self._px_per_slice: F4 = per_slice[:, None, None]
 
     def of(self, row: Sequence[Answer | None]) -> Answer:

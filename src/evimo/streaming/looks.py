@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from evimo.events.events import Events
 from evimo.events.slices import SLICE_US, Slice
 from evimo.events.stack import CELL, VOXELS, EventStack, StaticMotion, compensated, plane_fits, voxel_grid
-from evimo.geometry.rectification import Rectification
+from evimo.geometry.rectification import Rectification, halved_mask
 from evimo.streaming.inference import CameraMotion, Seen
 from evimo.streaming.span import STACKED
 
@@ -88,10 +88,3 @@ def stacked(parts: Sequence[EventStack | None]) -> EventStack:
         return EventStack(nothing, nothing, nothing, np.zeros(0, np.bool_))
     columns = zip(*((part.x, part.y, part.t + np.float32(away), part.positive) for away, part in there), strict=True)
     return EventStack(*(np.concatenate(column) for column in columns))
-
-
-def halved_mask(mask: NDArray[np.bool_], size: tuple[int, int]) -> F4:
-    """The share of each pixel's four that a mask (H, W) holds, (h, w) of half of `size`; beyond the mask is nothing."""
-    whole = np.zeros(size, np.float32)
-    whole[: mask.shape[0], : mask.shape[1]] = mask
-    return whole.reshape(size[0] // HALF, HALF, size[1] // HALF, HALF).mean((1, 3))

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.geometry.rectification import Rectification
+from evimo.geometry.rectification import Rectification, halved_mask
 from evimo.recordings.estimate import Estimate, MovingObject
 from evimo.streaming.identities import Identities
 from evimo.streaming.inference import Answer
-from evimo.streaming.looks import HALF, halved_mask
+from evimo.streaming.looks import HALF
 from evimo.streaming.regions import regions, smallest_region
 from evimo.streaming.tallies import extents, weighted_sums
 from evimo.streaming.to_sensor import ToSensor

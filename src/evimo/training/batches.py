@@ -18,10 +18,10 @@ class Batch(NamedTuple):
     taken_ego:   (B, 6) the twist that was taken out at the middle slice, mean depths and rad per slice.
     taken_depth: (B, 1, h/2, w/2) the relative depth that was used for it.
     rotation:    (B, 4) of a gyroscope, rad per slice, and 1; or zeros.
-    valid:       (B, 1, h, w) float, 1 where the lens sees the pixel.
+    valid:       (B, 1, h, w) float, share of the pixel that the lens sees.
     intrinsics:  (B, 4) fx fy cx cy of the image (H, W), px.
     depth:       (B, 1, h, w) m; meaningless where not `depth_valid`.
-    depth_valid: (B, 1, h, w) bool.
+    depth_valid: (B, 1, h, w) bool; elsewhere no other truth of the pixel is known either.
     moving:      (B, 1, h, w) bool, pixels of objects that move.
     flow:        (B, 2, h, w) 1/s on the plane Z = 1.
     velocity:    (B, 3, h, w) of the object the pixel shows, relative to the static world, camera axes, m/s.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from evimo.events.local_motion import motion_candidates
 from evimo.events.slices import SLICE_US
 from evimo.events.stack import CELL, SLICES, EventStack, StaticMotion, compensated, plane_fits, voxel_grid
+from evimo.geometry.rectification import halved_mask
 from evimo.geometry.warping import EventPoints
 from evimo.recordings.prepared import SUBPIXEL, Prepared
 from evimo.training.batches import Batch
@@ -53,6 +54,11 @@ class Window:
         inside = image[..., self.top + 1 : self.top + height : 2, self.left + 1 : self.left + width : 2]
         missing = [(0, full // 2 - has) for full, has in zip(self.size, inside.shape[-2:], strict=True)]
         return np.pad(inside, [(0, 0)] * (image.ndim - 2) + missing) if any(m for _, m in missing) else inside
+
+    def share(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """The share of each pixel's four that a mask (H, W) holds, as a run has it: (h, w)."""
+        height, width = self.size
+        return halved_mask(mask[self.top : self.top + height, self.left : self.left + width], self.size)
 
 
 def samples_of(recordings: Sequence[Prepared]) -> Samples:
@@ -154,7 +160,7 @@ def _sample(
         way.of_twist(motion.twist[HALF]),
         way.of_image(_used_depth(motion, window)[None]),
         np.append(way.of_twist(np.concatenate((np.zeros(3, np.float32), rotation[:3])))[3:], rotation[3:]),
-        way.of_image(window.half(recording.valid)[None].astype(np.float32)),
+        way.of_image(window.share(recording.valid)[None]),
         way.of_intrinsics(recording.intrinsics - np.array((0, 0, window.left, window.top), np.float32), size),
         way.of_image(depth),
         way.of_image(depth) > 0,

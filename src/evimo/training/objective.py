@@ -78,9 +78,9 @@ def terms(prediction: Prediction, batch: Batch, mean_depth: Tensor, recipe: Reci
         "twist": lambda: _twist(prediction, batch, mean_depth.flatten()),
         "velocity": lambda: _velocity(prediction, batch, mean_depth),
         "direction": lambda: _direction(prediction, batch),
-        "mask_one_sided": lambda: one_sided_mask_loss(prediction.mixture[:, :1], batch.moving, batch.valid > 0),
+        "mask_one_sided": lambda: one_sided_mask_loss(prediction.mixture[:, :1], batch.moving, _known(batch)),
         "mask": lambda: _mask(prediction, batch, recipe.moving_share),
-        "dice": lambda: _spread(dice_loss(prediction.mixture[:, :1], batch.moving, batch.valid > 0), prediction),
+        "dice": lambda: _spread(dice_loss(prediction.mixture[:, :1], batch.moving, _known(batch)), prediction),
         "mask_smoothness": lambda: mixture_smoothness(prediction.mixture),
         "depth": lambda: depth_loss(prediction.rel_depth, batch.depth / mean_depth, _known(batch)),
         "depth_smoothness": lambda: depth_smoothness(prediction.rel_depth),
@@ -148,6 +148,7 @@ def taken_out(batch: Batch, first: FirstAnswer) -> Compensation:
 
 
 def _known(batch: Batch) -> Tensor:
+    """Where the truth is known; it may not be in a pixel at the border, of which the lens sees a part alone."""
     return (batch.valid > 0) & batch.depth_valid
 
 
@@ -194,10 +195,9 @@ def _direction(prediction: Prediction, batch: Batch) -> Tensor:
 
 
 def _mask(prediction: Prediction, batch: Batch, moving_share: float) -> Tensor:
-    inside = batch.valid > 0
-    return mask_loss(prediction.mixture[:, :1], batch.moving, inside) * balance(
-        batch.moving, inside, moving_share=moving_share
-    )
+    known = _known(batch)
+    weight = balance(batch.moving, known, moving_share=moving_share)
+    return mask_loss(prediction.mixture[:, :1], batch.moving, known) * weight
 
 
 def _px_per_s(flow: Tensor, prediction: Prediction) -> Tensor:
@@ -205,7 +205,10 @@ def _px_per_s(flow: Tensor, prediction: Prediction) -> Tensor:
 
 
 def slice_frames(counts: Tensor) -> Tensor:
-    """Event frames (B, 5, 3, h, w) from counts (B, 30, h, w) by slice, bin and polarity; times are those of bins."""
+    """The paper's image of each slice, both counts and the mean time, (B, 5, 3, h, w), for its coarse warp loss.
+
+    From counts (B, 30, h, w) by slice, bin and polarity; times are those of bins.
+    """
     by_slice = counts.unflatten(1, (SLICES, BINS, 2))
     times = (torch.arange(BINS, device=counts.device) + 0.5) / BINS
     events = by_slice.sum(3)

@@ -13,6 +13,7 @@ from torch import Tensor
 from evimo.events.direct_alignment import aligned
 from evimo.events.local_motion import motion_candidates
 from evimo.events.stack import CELL, SLICES, StaticMotion, plane_fits, voxel_grid
+from evimo.geometry.rectification import halved_mask
 from evimo.losses.depth import mean_over
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
@@ -90,9 +91,7 @@ def _first(model: MotionNet, recording: Prepared, k: int, *, gyroscope: bool) ->
     stride = model.config.stride
     height, width = (-(-side // stride) * stride // CELL for side in recording.valid.shape)
     stack = stack_of(recording, k)
-    valid = np.zeros((height, width), np.float32)
-    inside = recording.valid[1::CELL, 1::CELL]
-    valid[: inside.shape[0], : inside.shape[1]] = inside
+    valid = halved_mask(recording.valid, (height * CELL, width * CELL))
     voxels, fits = voxel_grid(stack, (height, width), step=CELL), plane_fits(stack, (height, width))
     arrays = voxels, fits, motion_candidates(voxels), valid[None], recording.intrinsics
     see, fit, guess, inside, lens = (torch.from_numpy(each)[None] for each in arrays)
@@ -136,8 +135,8 @@ def middle_events(batch: Batch) -> Tensor:
 
 
 def _add_masks(sums: Sums, answer: Prediction, batch: Batch) -> None:
-    called = (answer.mixture[:, :1] < 0.5) & (batch.valid > 0)
-    moving, events = batch.moving & (batch.valid > 0), middle_events(batch)
+    known = (batch.valid > 0) & batch.depth_valid
+    called, moving, events = (answer.mixture[:, :1] < 0.5) & known, batch.moving & known, middle_events(batch) * known
     if moving.any():
         sums.iou += float((called & moving).sum() / (called | moving).sum())
         sums.frames += 1

@@ -86,15 +86,6 @@ def _look(dx, dy, frame, things, light, listed, count):
 
 
 @cuda.jit
-def glance(rays, placed, things, everything, depth, parts):
-    """What rays (2, N) meet in all frames, against every part."""
-    k, f = cuda.grid(2)
-    if k < rays.shape[1]:
-        frame = _moment(placed, f)
-        depth[f, k], parts[f, k], _ = _nearest(rays[0, k], rays[1, k], frame, things, everything, len(everything))
-
-
-@cuda.jit
 def cast_centres(rays, placed, things, light, lists, image, depth, tags):
     """The centre rays of all pixels of all frames; a block is a tile."""
     column, row, f = cuda.blockIdx.x, cuda.blockIdx.y, cuda.blockIdx.z
