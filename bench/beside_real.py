@@ -1,6 +1,6 @@
 """Slices of simulated recordings beside slices of real clips, drawn alike: what gives the simulator away?
 
-    python bench/beside_real.py --simulated replica stress --real CLIP... [--out docs/beside_real.jpg] [--most 400]
+    python bench/beside_real.py --simulated replica stress --real CLIP... [--out out/beside_real.jpg] [--most 400]
 
 A row for each folder of simulated recordings, as many of its recordings as there are real clips, spread over it; the
 last row are the clips. Of each the slice of 25 ms in the middle of its length.
@@ -57,7 +57,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--simulated", type=Path, nargs="+", required=True)
     parser.add_argument("--real", type=Path, nargs="+", required=True)
-    parser.add_argument("--out", type=Path, default=Path("docs/beside_real.jpg"))
+    parser.add_argument("--out", type=Path, default=Path("out/beside_real.jpg"))
     parser.add_argument("--most", type=float, default=400, help="kB")
     options = parser.parse_args()
     try:
