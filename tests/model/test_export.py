@@ -217,3 +217,13 @@ def test_nothing_unfinished_is_left(exported):
 def test_running_and_export_name_things_alike():
     for name in ("FIRST_INPUTS", "FIRST_OUTPUTS", "SECOND_INPUTS", "SECOND_OUTPUTS"):
         assert getattr(inference, name) == globals()[name]
+
+
+def test_names_inside_are_numbers(each):
+    """Half of a small model's file would be names of nodes and tensors."""
+    graph = onnx.load(each[0]).graph
+    outside = {value.name for value in (*graph.input, *graph.output)}
+    inside = {name for node in graph.node for name in (*node.input, *node.output)} - outside - {""}
+    assert inside and all(name.isdigit() for name in inside)
+    assert {tensor.name for tensor in graph.initializer} <= inside
+    assert not any(node.name for node in graph.node)

@@ -112,7 +112,7 @@ def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple
             output_names=list(outputs),
             dynamic_axes=free,
         )
-        proto = halved(folded(traced))
+        proto = shortened(halved(folded(traced)))
     config = part.model.config
     for key, value in {"config": asdict(config), "stride": config.stride}.items():
         entry = proto.metadata_props.add()
@@ -145,4 +145,22 @@ def halved(proto: onnx.ModelProto) -> onnx.ModelProto:
     nodes = [*casts, *graph.node]
     del graph.node[:]
     graph.node.extend(nodes)
+    return proto
+
+
+def shortened(proto: onnx.ModelProto) -> onnx.ModelProto:
+    """The same graph with numbers for the names inside it, which are half of a small model's file."""
+    graph = proto.graph
+    names = {value.name: value.name for value in (*graph.input, *graph.output)} | {"": ""}
+
+    def short(name: str) -> str:
+        return names.setdefault(name, str(len(names)))
+
+    for tensor in graph.initializer:
+        tensor.name = short(tensor.name)
+    for node in graph.node:
+        node.name = ""
+        node.input[:] = [short(name) for name in node.input]
+        node.output[:] = [short(name) for name in node.output]
+    del graph.value_info[:]
     return proto
