@@ -55,6 +55,14 @@ def test_a_sure_slice_is_not_outvoted_by_one_neighbour(agreement):
     assert _iou(agreement.of(row).moving, _disc(70, 10)) == 1.0
 
 
+def test_neighbours_that_see_nothing_do_not_outvote_a_sure_slice(agreement):
+    """Its flow may have led to the wrong place there. One that is not sure has no support, and is."""
+    nothing = _answer(np.full((HEIGHT, WIDTH), 1e-3, np.float32))
+    sure, unsure = (agreement.of([nothing, _answer(_disc(40, 30, sure=p)), nothing]).moving for p in (0.97, 0.7))
+    assert _iou(sure, _disc(40, 30)) == 1.0
+    assert not (unsure > 0.5).any()
+
+
 def test_mean_of_the_log_odds(agreement):
     """By a road of its own: constant images, whose places do not matter."""
     probabilities = 0.2, 0.6, 0.9

@@ -20,6 +20,7 @@ F4 = NDArray[np.float32]
 
 SAY = 0.6  # of a neighbour, where the slice itself has 1
 SURE = 1e-3  # no answer is taken to be surer than that
+VETO = 2.0  # in log odds: a neighbour says "nothing moves" no louder, since a wrong flow may have led elsewhere
 
 
 class Agreement:
@@ -39,7 +40,8 @@ class Agreement:
         total, weight = _log_odds(here.moving), 1.0
         for neighbour, towards in ((before, -1), (after, 1)):
             if neighbour is not None:
-                _add_along(_log_odds(neighbour.moving), flow, np.float32(towards), np.float32(SAY), total)
+                said = np.maximum(_log_odds(neighbour.moving), np.float32(-VETO))
+                _add_along(said, flow, np.float32(towards), np.float32(SAY), total)
                 weight += SAY
         return here._replace(moving=1 / (1 + np.exp(total / np.float32(-weight))))
 
