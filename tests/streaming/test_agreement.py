@@ -94,3 +94,10 @@ def test_flow_beyond_the_image_reads_its_border(agreement):
     left[:, 0] = 0.9
     row = [_answer(left), _answer(np.full((HEIGHT, WIDTH), 0.5, np.float32), (500, 0)), None]
     assert (agreement.of(row).moving > 0.5).all()
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_a_flow_that_is_no_number_reads_inside_the_image(agreement, wrong):
+    row = [_answer(_disc(40, 30)) for _ in range(3)]
+    row[1].flow[:, 10:20] = wrong
+    assert np.isfinite(agreement.of(row).moving).all()

@@ -36,7 +36,7 @@ class Agreement:
         before, here, after = row
         if here is None:
             raise ValueError("the middle one of three answers is missing")
-        flow = here.flow * self._px_per_slice
+        flow = np.nan_to_num(here.flow * self._px_per_slice)  # no number is no place to read at
         total, weight = _log_odds(here.moving), 1.0
         for neighbour, towards in ((before, -1), (after, 1)):
             if neighbour is not None:
