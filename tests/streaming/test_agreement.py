@@ -77,7 +77,7 @@ def test_alone_nothing_changes(agreement):
     given = _answer(noise.copy())
     answer = agreement.of([None, given, None])
     assert answer.moving == pytest.approx(noise, abs=1e-5)
-    assert answer.flow is given.flow
+    assert np.array_equal(answer.flow, given.flow)
     assert np.array_equal(given.moving, noise)
 
 
@@ -94,6 +94,26 @@ def test_flow_beyond_the_image_reads_its_border(agreement):
     left[:, 0] = 0.9
     row = [_answer(left), _answer(np.full((HEIGHT, WIDTH), 0.5, np.float32), (500, 0)), None]
     assert (agreement.of(row).moving > 0.5).all()
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_margin_behind_the_image_has_no_say(sign):
+    """Networks want sides that are multiples of their stride; what they answer beyond the image is left out."""
+    camera = Camera(width=2 * WIDTH - 21, height=2 * HEIGHT - 15, fx=FOCAL, fy=FOCAL, cx=69.0, cy=52.0)
+    height, width = HEIGHT - 7, WIDTH - 10  # of 105 x 139 px, halved and rounded up
+    moving = np.zeros((HEIGHT, WIDTH), np.float32)
+    moving[:height, :width] = 0.6
+    row = [_answer(moving, (6 * sign, 6 * sign)) for _ in range(3)]
+    agreed = Agreement(rectified(camera)).of(row)
+    assert agreed.moving == pytest.approx(np.full((height, width), 0.6), abs=1e-5)
+    assert agreed.flow.shape == (2, height, width)
+
+
+def test_a_probability_that_is_no_number_says_nothing(agreement):
+    row = [_answer(np.full((HEIGHT, WIDTH), 0.9, np.float32)) for _ in range(3)]
+    row[0].moving[:] = np.nan
+    odds = 9 ** ((1 + SAY) / (1 + 2 * SAY))
+    assert agreement.of(row).moving == pytest.approx(odds / (1 + odds), abs=1e-5)
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])

@@ -79,13 +79,6 @@ def test_a_larger_sensor_gets_its_own_pixels():
     np.testing.assert_allclose(box.centroid, (210 * scale - 0.5, 105 * scale - 0.5), atol=1)
 
 
-def test_a_margin_behind_the_image_holds_no_object(pinhole):
-    moving = np.zeros((27, 36), np.bool_)
-    moving[:, 32:] = moving[24:] = True
-    estimate = ObjectFinder(pinhole).estimate(answer_of(moving.shape, moving=moving), start_us=0, stop_us=25_000)
-    assert not estimate.objects and not estimate.moving.any()
-
-
 def test_pixels_without_a_counterpart_hold_no_object():
     rectification = rectified(Camera(30.0, 30.0, 31.5, 23.5, *SIZE, distortion=(-0.5, 0.1, 0.0, 0.0)))
     assert not rectification.valid.all()

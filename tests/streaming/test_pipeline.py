@@ -82,6 +82,29 @@ def test_a_rotation_that_a_gyroscope_measured_is_not_aligned(monkeypatch, discs,
     assert told == {known}
 
 
+def test_masks_agree_with_those_of_both_neighbours(monkeypatch, discs, recorded, fake_network, camera):
+    """A span inside a recording has both neighbours at its ends, too; the recording's ends have one."""
+    rows = []
+
+    def agreed(_, row):
+        rows.append(row)
+        return row[1]._replace(moving=np.full_like(row[1].moving, 0.25))
+
+    monkeypatch.setattr(pipeline.Agreement, "of", agreed)
+    events = recorded(discs)
+    whole = list(run(events, model=fake_network, camera=camera))
+    assert len(rows) == len(whole)
+    assert rows[0][0] is None and rows[-1][2] is None
+    assert all(each is not None for each in [*rows[0][1:], *(each for row in rows[1:-1] for each in row)])
+    for row, following in zip(rows, rows[1:], strict=False):
+        assert following[0] is row[1] and following[1] is row[2]
+    assert all(np.all(one.moving_probability == 0.25) for one in whole)
+    rows.clear()
+    part = list(run(events, model=fake_network, camera=camera, start_s=0.1, stop_s=0.3))
+    assert len(rows) == len(part) < len(whole)
+    assert all(each is not None for row in rows for each in row)
+
+
 @pytest.mark.parametrize("every", [1, 7, 500, 4000])
 def test_results_do_not_depend_on_packets(whole, discs, recorded, fake_network, camera, every):
     cuts = range(every, len(discs), every)
@@ -93,8 +116,8 @@ def test_results_do_not_depend_on_packets(whole, discs, recorded, fake_network, 
 
 @pytest.mark.parametrize(("start_s", "stop_s"), [(0.1, None), (0.137, 0.3), (0.0, 0.26), (0.26, 0.41)])
 def test_a_span_gives_the_estimates_of_the_whole(whole, discs, recorded, fake_network, camera, start_s, stop_s):
-    """Its grid does not move, and four neighbours to each side are read: rel_depth depends on events of two that are
-    compensated by the first pass's answers for these two, which depend on two more.
+    """Its grid does not move, and five neighbours to each side are read: rel_depth depends on events of two that are
+    compensated by the first pass's answers for these two, which depend on two more; the mask on one more answer.
     """
     part = list(run(recorded(discs), model=fake_network, camera=camera, start_s=start_s, stop_s=stop_s))
     start_us = int(discs.t[0]) + round(start_s * 1e6)

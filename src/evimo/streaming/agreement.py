@@ -2,7 +2,8 @@
 """What three slices in a row agree on: a mask in which the neighbours, brought along by the flow, have their say.
 
 An object that rests for a moment, or shows few events, is missed in one slice and seen in the next. Mistakes of three
-answers are far from the same, so their mean, in log odds, is better than any of them; more neighbours add nothing.
+answers are far from the same, so their mean, in log odds, is better than any of them. More neighbours help calm scenes
+and hurt difficult ones (docs/decisions/0008-neighbours-agree.md).
 """
 
 from collections.abc import Sequence
@@ -30,10 +31,14 @@ class Agreement:
         image = rectification.image
         per_slice = np.array((image.fx, image.fy), np.float32) * np.float32(SLICE_S / HALF)
         self._px_per_slice: F4 = per_slice[:, None, None]
+        self._size = tuple(-(-side // HALF) for side in image.size)
 
     def of(self, row: Sequence[Answer | None]) -> Answer:
-        """The middle one of three answers, its mask agreed on with the neighbours that there are."""
-        before, here, after = row
+        """Return the middle one of three answers, its mask agreed on with the neighbours that there are.
+
+        All without the margin behind the image, where nothing moves and which would have a say at the image's edge.
+        """
+        before, here, after = (each and each.cropped(*self._size) for each in row)
         if here is None:
             raise ValueError("the middle one of three answers is missing")
         flow = np.nan_to_num(here.flow * self._px_per_slice)  # no number is no place to read at
@@ -47,7 +52,8 @@ class Agreement:
 
 
 def _log_odds(probability: F4) -> F4:
-    kept = np.clip(probability, SURE, 1 - SURE)
+    """Of a probability; what is no number says nothing."""
+    kept = np.clip(np.nan_to_num(probability, nan=0.5), SURE, 1 - SURE)
     return np.log(kept / (1 - kept))
 
 

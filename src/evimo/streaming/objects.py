@@ -42,8 +42,7 @@ class ObjectFinder:
         return self._identities.lasting
 
     def estimate(self, answer: Answer, *, start_us: int, stop_us: int) -> Estimate:
-        """The estimate of the next slice [start_us, stop_us)."""
-        answer = answer.cropped(*self._inside.shape)
+        """Return the estimate of the next slice [start_us, stop_us), from an answer without margin."""
         moving = (answer.moving > 0.5) & self._inside
         labels = regions(moving, answer.velocity, smallest_px=self._smallest_px)
         found = self._identities.follow(labels)
