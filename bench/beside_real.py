@@ -14,9 +14,9 @@ from contact_sheet import save_small
 
 from evimo.errors import EvimoError
 from evimo.events.events import joined
-from evimo.events.io import open_events
-from evimo.events.io.event_file import EventFile
 from evimo.events.slices import SLICE_US
+from evimo.formats import open_events
+from evimo.formats.event_file import EventFile
 from evimo.recordings.prepared import recording_folders
 from evimo.recordings.recording import open_recording
 from evimo.viewing.colours import BACKDROP, Image, painted

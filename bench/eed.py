@@ -17,8 +17,8 @@ from evimo import streaming
 from evimo.evaluation.baselines import THRESHOLDS
 from evimo.evaluation.circles import Circles, added_rows, circle_scores, load_circles
 from evimo.evaluation.ratios import Scores
-from evimo.events.io import open_events
 from evimo.events.slices import in_slices
+from evimo.formats import open_events
 from evimo.geometry.calibration import load_camera
 
 CIRCLES = "ball_circle_gt.csv"

@@ -22,8 +22,8 @@ from evimo.evaluation.circles import added_rows, event_scores
 from evimo.evaluation.scores import Scores
 from evimo.evaluation.scoring import Labeller
 from evimo.events.events import Events, joined
-from evimo.events.io import open_events
 from evimo.events.slices import SLICE_US
+from evimo.formats import open_events
 from evimo.geometry.rectification import Rectification, rectified
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.flow import true_flow

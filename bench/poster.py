@@ -14,8 +14,8 @@ from rich.table import Table
 
 from evimo import streaming
 from evimo.evaluation.ratios import Score
-from evimo.events.io import open_events
 from evimo.events.slices import in_slices
+from evimo.formats import open_events
 from evimo.geometry.calibration import load_camera
 
 LIMIT = 0.10

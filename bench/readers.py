@@ -17,7 +17,7 @@ from rosbags.rosbag1 import Writer
 
 from evimo.errors import EvimoWarning
 from evimo.events.events import Events
-from evimo.events.io import open_events
+from evimo.formats import open_events
 
 WIDTH, HEIGHT, RATE_PER_S, REPEATS, PART = 346, 260, 2_000_000, 3, 20_000
 

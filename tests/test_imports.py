@@ -16,7 +16,9 @@ SRC = Path(__file__).parents[1] / "src" / "evimo"
 # A room imports only from rows above its own in this list, never from its own row (docs/decisions/0001).
 ROWS = [
     "errors",
-    "events geometry samples",
+    "geometry samples",
+    "events",
+    "formats",
     "recordings",
     "scene model losses classical",
     "annotate simulate evaluation viewing",
@@ -98,7 +100,7 @@ def all_modules() -> list[str]:
 
 
 def room_of(module: str) -> str:
-    """`evimo.events.io` is in the room `events`; `evimo` itself is in none."""
+    """`evimo.formats` is in the room `events`; `evimo` itself is in none."""
     return f"{module}.".split(".")[1]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from evimo.events.events import Events
-    from evimo.events.io.opening import open_events
+    from evimo.formats.opening import open_events
     from evimo.geometry.camera import Camera
     from evimo.model.checkpoint import load_model
     from evimo.recordings.estimate import Estimate
@@ -24,7 +24,7 @@ _HOMES = {
     "Estimate": "evimo.recordings.estimate",
     "Events": "evimo.events.events",
     "load_model": "evimo.model.checkpoint",
-    "open_events": "evimo.events.io.opening",
+    "open_events": "evimo.formats.opening",
     "run": "evimo.streaming.pipeline",
 }
 _TRAINING_ONLY = {"load_model"}

@@ -8,8 +8,8 @@ from evimo.errors import BadFile, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.circles import Circles, added_rows, circle_scores, event_scores, load_circles
 from evimo.events.events import Events, joined
-from evimo.events.io import open_events
 from evimo.events.slices import Slice, in_slices
+from evimo.formats import open_events
 
 # A circle of radius 2 (5 with the margin) that moves 1000 px/s to the right: 25 px within a slice.
 MOVING = Circles(np.array([0.0, 0.1]), np.array([20.0, 120.0]), np.array([20.0, 20.0]), np.array([2.0, 2.0]))

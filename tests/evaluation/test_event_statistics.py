@@ -11,7 +11,7 @@ from pytest import approx
 from evimo.errors import BadInput
 from evimo.evaluation.event_statistics import EventStatistics, count_shares, event_statistics, hot_pixels, shares_up_to
 from evimo.events.events import Events
-from evimo.events.io.event_file import EventFile
+from evimo.formats.event_file import EventFile
 
 Row = tuple[float, int, int, int]
 START_US = 1_234_567

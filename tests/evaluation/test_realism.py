@@ -16,8 +16,8 @@ from evimo.evaluation.event_statistics import EventStatistics, event_statistics
 from evimo.evaluation.realism import MEASURES, Measure, Realism
 from evimo.evaluation.statistics_kernel import INTERVAL_BINS
 from evimo.events.events import joined
-from evimo.events.io import open_events
-from evimo.events.io.event_file import EventFile
+from evimo.formats import open_events
+from evimo.formats.event_file import EventFile
 from evimo.scene.motion import Motion
 from evimo.simulate.pixels import Pixels
 from evimo.simulate.recording import SimulatedRecording, simulate_recording

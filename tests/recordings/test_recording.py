@@ -6,7 +6,7 @@ import pytest
 
 from evimo.errors import BadFile, BadInput, NotFound
 from evimo.events.events import joined
-from evimo.events.io import open_events
+from evimo.formats import open_events
 from evimo.recordings.imu import Imu
 from evimo.recordings.recording import open_recording
 from evimo.recordings.writer import RecordingWriter

@@ -10,7 +10,7 @@ from evimo.cli import main
 from evimo.cli.simulate import simulate
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import joined, no_events
-from evimo.events.io import open_events
+from evimo.formats import open_events
 from evimo.recordings.recording import open_recording
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 from evimo.simulate.pixels import Pixels

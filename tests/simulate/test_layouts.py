@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from evimo.events.events import joined
-from evimo.events.io import open_events
+from evimo.formats import open_events
 from evimo.recordings.recording import open_recording
 from evimo.scene.renderer import Renderer
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset

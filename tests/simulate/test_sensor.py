@@ -6,7 +6,7 @@ import pytest
 
 from evimo.errors import BadInput
 from evimo.events.events import joined
-from evimo.events.io import open_events
+from evimo.formats import open_events
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.sensor import SENSORS, SensorSettings, draw_sensor
 

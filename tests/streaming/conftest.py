@@ -9,7 +9,7 @@ import pytest
 
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope
-from evimo.events.io.event_file import EventFile, no_gyroscope
+from evimo.formats.event_file import EventFile, no_gyroscope
 from evimo.geometry.camera import Camera
 
 SENSOR = (24, 32)

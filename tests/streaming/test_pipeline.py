@@ -1,13 +1,14 @@
 import threading
 import warnings
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from evimo.errors import BadInput, EvimoWarning
-from evimo.events.io.event_file import CameraHint
+from evimo.formats.event_file import FoundCamera
 from evimo.geometry.camera import Camera
 from evimo.streaming import pipeline
 from evimo.streaming.inference import Network
@@ -96,7 +97,7 @@ def test_masks_agree_with_those_of_both_neighbours(monkeypatch, discs, recorded,
     assert len(rows) == len(whole)
     assert rows[0][0] is None and rows[-1][2] is None
     assert all(each is not None for each in [*rows[0][1:], *(each for row in rows[1:-1] for each in row)])
-    for row, following in zip(rows, rows[1:], strict=False):
+    for row, following in pairwise(rows):
         assert following[0] is row[1] and following[1] is row[2]
     assert all(np.all(one.moving_probability == 0.25) for one in whole)
     rows.clear()
@@ -144,7 +145,7 @@ def test_the_camera_of_the_recording_is_used_else_a_guess_with_a_warning(discs, 
     with pytest.warns(EvimoWarning, match="no calibration"):
         guessed = next(iter(run(events, model=fake_network)))
     assert guessed.ego[0] == pytest.approx(0.75 * 32)
-    events.camera_hint = CameraHint(fx=20.0, fy=21.0, cx=15.0, cy=12.0, height=24, width=32, source="K")
+    events.camera = FoundCamera(Camera(20.0, 21.0, 15.0, 12.0, 24, 32), "K")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         prepared = Run(events, Network(fake_network))

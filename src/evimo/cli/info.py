@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from evimo.events.gyroscope import Gyroscope
-from evimo.events.io import CameraHint, EventFile, open_events
-from evimo.events.io.event_file import fault_parts
-from evimo.events.io.sensors import sensor_size
+from evimo.formats import EventFile, FoundCamera, open_events
+from evimo.formats.event_file import fault_parts
+from evimo.formats.sensors import sensor_size
 
 
 def info(file: Path, *, sensor: str | None = None) -> None:
@@ -39,7 +39,7 @@ def facts(recording: EventFile) -> dict[str, str]:
         "rate": f"{events / span_s * 1e-6:.3f} million events/s",
         "polarity": f"{on / max(events, 1):.1%} on, {1 - on / max(events, 1):.1%} off",
         "timestamps": _order(recording),
-        "camera": _camera(recording.camera_hint),
+        "camera": _camera(recording.camera),
         "gyroscope": _gyroscope(recording.gyroscope()),
         **recording.contents,
     }
@@ -59,8 +59,10 @@ def _gyroscope(gyroscope: Gyroscope | None) -> str:
     return f"{len(gyroscope):,} samples, {gyroscope.rate_hz:,.0f} Hz, {axes} ({gyroscope.source})"
 
 
-def _camera(hint: CameraHint | None) -> str:
-    if hint is None:
+def _camera(found: FoundCamera | None) -> str:
+    if found is None:
         return "no intrinsics inside"
-    lens = f", {hint.lens} {' '.join(f'{value:.4g}' for value in hint.distortion)}" if any(hint.distortion) else ""
-    return f"fx {hint.fx:.2f} fy {hint.fy:.2f} cx {hint.cx:.2f} cy {hint.cy:.2f}{lens} ({hint.source})"
+    camera, source = found
+    values = " ".join(f"{value:.4g}" for value in camera.distortion)
+    lens = "" if camera.is_pinhole else f", {camera.lens} {values}"
+    return f"fx {camera.fx:.2f} fy {camera.fy:.2f} cx {camera.cx:.2f} cy {camera.cy:.2f}{lens} ({source})"

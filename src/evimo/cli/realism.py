@@ -20,8 +20,8 @@ from evimo.evaluation.event_statistics import (
 )
 from evimo.evaluation.realism import Realism, Verdict, interval_grid_ms
 from evimo.evaluation.realism_tables import as_markdown, as_rich
-from evimo.events.io import EventFile, open_events
-from evimo.events.io.sensors import sensor_size
+from evimo.formats import EventFile, open_events
+from evimo.formats.sensors import sensor_size
 from evimo.viewing.charts import Axis, Curve, RatioRow, draw_curves, draw_ratios
 from evimo.viewing.colours import BACKDROP, NEGATIVE, OBJECTS, POSITIVE, RGB, Image
 from evimo.viewing.layout import Box

@@ -85,8 +85,8 @@ def _prepared(
     recording: Path, sensor: str | None, *, model: str, calibration: Path | None, how: dict[str, Any]
 ) -> "Run":
     """The run over a recording, everything checked that can be before it starts; `how` as in `Run`."""
-    from evimo.events.io.opening import open_events
-    from evimo.events.io.sensors import sensor_size
+    from evimo.formats.opening import open_events
+    from evimo.formats.sensors import sensor_size
     from evimo.streaming.inference import Network
     from evimo.streaming.pipeline import Run
 

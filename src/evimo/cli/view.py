@@ -18,8 +18,8 @@ from evimo.cli.progress import progress
 from evimo.errors import BadInput, EvimoWarning, NotFound
 
 if TYPE_CHECKING:
-    from evimo.events.io.event_file import EventFile
     from evimo.events.slices import Slice
+    from evimo.formats.event_file import EventFile
     from evimo.recordings.recording import Recording
     from evimo.simulate.pictures import Light
     from evimo.streaming.span import Span
@@ -105,8 +105,8 @@ def _prepared(
         recording = open_recording(path)
         span = span_of(_lasting(recording), start_s=span_s[0], stop_s=span_s[1])
         return recording.events, span, _truth_drawer(recording, _light(recording) if picture else None)
-    from evimo.events.io.opening import open_events
-    from evimo.events.io.sensors import sensor_size
+    from evimo.formats.opening import open_events
+    from evimo.formats.sensors import sensor_size
     from evimo.viewing.event_panel import EventPanel
 
     events = open_events(path, sensor=sensor_size(sensor) if sensor else None)

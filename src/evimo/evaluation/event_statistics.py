@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput
 from evimo.evaluation import statistics_kernel as kernel
 from evimo.events.events import Events
-from evimo.events.io.event_file import EventFile
 from evimo.events.slices import SLICE_US, in_slices
+from evimo.formats.event_file import EventFile
 
 ALONE_US = 10_000
 """An isolated event has no other this long before or after it in its pixel and the eight around it."""

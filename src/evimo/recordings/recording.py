@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
-from evimo.events.io.event_file import EventFile
-from evimo.events.io.npz_members import Archive
+from evimo.formats.event_file import EventFile
+from evimo.formats.npz_members import Archive
 from evimo.geometry.camera import Camera
 from evimo.recordings.facts import DAMAGED, FACTS, facts_of
 from evimo.recordings.imu import Imu

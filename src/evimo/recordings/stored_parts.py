@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
-from evimo.events.io.event_file import EventFile
-from evimo.events.io.evimo2 import mapped, open_evimo2
-from evimo.events.io.evimo_npz import open_evimo_npz
-from evimo.events.io.npz_members import Archive, ArrayHeader, Stream, skip
+from evimo.formats.event_file import EventFile
+from evimo.formats.evimo2 import mapped, open_evimo2
+from evimo.formats.evimo_npz import open_evimo_npz
+from evimo.formats.npz_members import Archive, ArrayHeader, Stream, skip
 from evimo.recordings.facts import DAMAGED
 from evimo.recordings.imu import IMU_ARRAYS
 

@@ -9,9 +9,9 @@ from typing import Any
 
 from evimo.errors import BadInput
 from evimo.events.events import Events
-from evimo.events.io import open_events
-from evimo.events.io.npz_members import Archive, array_header
-from evimo.recordings.event_files import check_events_format, save_events
+from evimo.formats import open_events
+from evimo.formats.npz_members import Archive, array_header
+from evimo.formats.saving import check_events_format, save_events
 from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.facts import own_version
 from evimo.recordings.writer import RecordingWriter

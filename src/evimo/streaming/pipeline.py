@@ -8,7 +8,6 @@ and finds objects. Bounded queues join them, so an hour needs no more memory tha
 
 from collections.abc import Generator, Iterator
 from contextlib import closing
-from dataclasses import asdict
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -20,10 +19,10 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput
 from evimo.events.direct_alignment import aligned
 from evimo.events.events import Events, joined
-from evimo.events.io.event_file import EventFile
 from evimo.events.local_motion import motion_candidates
 from evimo.events.slices import Slice, in_slices, in_stacks
 from evimo.events.stack import EventStack
+from evimo.formats.event_file import EventFile
 from evimo.geometry.camera import Camera, assumed_camera
 from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
@@ -260,10 +259,8 @@ def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:
     """The camera to use, and where it comes from."""
     if camera is not None:
         source = "given"
-    elif events.camera_hint is not None:
-        fields = asdict(events.camera_hint)
-        source = f"the recording: {fields.pop('source')}"
-        camera = Camera(**fields)
+    elif events.camera is not None:
+        camera, source = events.camera.camera, f"the recording: {events.camera.source}"
     else:
         camera, source = assumed_camera(events.sensor), "assumed"
     if camera.size != events.sensor:

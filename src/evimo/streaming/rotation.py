@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from evimo.events.alignment import aligned
 from evimo.events.gyroscope import Gyroscope
-from evimo.events.io.event_file import EventFile
 from evimo.events.slices import SLICE_US
+from evimo.formats.event_file import EventFile
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

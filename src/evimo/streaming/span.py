@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from evimo.errors import BadInput
-from evimo.events.io.event_file import EventFile
 from evimo.events.slices import SLICE_US
+from evimo.formats.event_file import EventFile
 
 STACKED = 5  # slices of a stack, two before and two after its middle one
 AGREEING = 3  # slices whose masks agree, one before and one after

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
-from evimo.events.io.event_file import CameraHint, EventFile, hint_from_matrix
-from evimo.events.io.npz_members import Archive, ArrayHeader, skip
-from evimo.events.io.sensors import assumed_sensor
-from evimo.events.io.stored_gyroscope import simulated_gyroscope
-from evimo.events.io.survey import surveyed
+from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
+from evimo.formats.npz_members import Archive, ArrayHeader, skip
+from evimo.formats.sensors import assumed_sensor
+from evimo.formats.stored_gyroscope import simulated_gyroscope
+from evimo.formats.survey import surveyed
+from evimo.geometry.camera import Camera
 
 BLOCK_ROWS = 1 << 16
 FACTS = "sim_facts"  # only in our own files
@@ -49,7 +50,7 @@ def open_evimo_npz(path: Path, sensor: tuple[int, int] | None = None) -> EventFi
         start_us=survey.start_us,
         stop_us=survey.stop_us,
         read=read,
-        camera_hint=_camera(archive, size),
+        camera=_camera(archive, size),
         read_gyroscope=lambda: simulated_gyroscope(archive, "sim_imu_"),
         contents=_contents(archive),
     )
@@ -128,31 +129,31 @@ def _map_size(archive: Archive) -> tuple[int, int] | None:
     return None
 
 
-def _camera(archive: Archive, size: tuple[int, int]) -> CameraHint | None:
+def _camera(archive: Archive, size: tuple[int, int]) -> FoundCamera | None:
     if FACTS in archive.names:
-        return _own_camera(archive, size)
-    hint = None
+        return FoundCamera(_own_camera(archive, size), f"{FACTS} in {archive.path.name}")
+    camera = None
     if "K" in archive.names:
-        hint = hint_from_matrix(archive.small("K"), size, f"K in {archive.path.name}")
+        matrix = archive.small("K")
+        camera = found_camera(lambda: camera_of_matrix(matrix, size), f"K in {archive.path.name}")
     if "D" in archive.names and archive.small("D").any():
         text = f"{archive.path.name}: the distortion `D` is ignored, as such files are known to hold wrong ones"
         warnings.warn(text, EvimoWarning, stacklevel=4)
-    return hint
+    return camera
 
 
-def _own_camera(archive: Archive, size: tuple[int, int]) -> CameraHint:
+def _own_camera(archive: Archive, size: tuple[int, int]) -> Camera:
     """The lens of a simulated recording, from the text that says how it was made."""
     try:
         lens = json.loads(str(archive.small(FACTS).item()))["camera"]
-        return CameraHint(
+        return Camera(
             **{name: float(lens[name]) for name in ("fx", "fy", "cx", "cy")},
             height=size[0],
             width=size[1],
             distortion=tuple(float(value) for value in lens["distortion"]),
-            lens=str(lens["lens"]),
-            source=f"{FACTS} in {archive.path.name}",
+            lens=lens["lens"],
         )
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, BadInput) as error:
         raise BadFile(
             f"`{FACTS}` in {archive.path.name} is not the JSON of a simulated recording", fix="simulate it again"
         ) from error

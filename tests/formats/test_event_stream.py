@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.events.io import event_stream, open_events
+from evimo.formats import event_stream, open_events
 
 HEIGHT, WIDTH = 48, 64
 

@@ -4,36 +4,44 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope
+from evimo.geometry.camera import Camera
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraHint:
-    """Intrinsics found inside a recording, px; distortion as OpenCV orders it (radtan: k1 k2 p1 p2 [k3])."""
+class FoundCamera(NamedTuple):
+    """A camera whose intrinsics lie inside a recording, and the words that say where."""
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    height: int
-    width: int
-    distortion: tuple[float, ...] = ()
-    lens: str = "radtan"
-    source: str = ""
+    camera: Camera
+    source: str
 
 
-def hint_from_matrix(matrix: NDArray[np.floating], size: tuple[int, int], source: str) -> CameraHint | None:
-    """The hint of a camera matrix without distortion; None where it is no camera matrix."""
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or min(matrix[0, 0], matrix[1, 1]) <= 0:
+def found_camera(numbers: Callable[[], Camera | None], source: str) -> FoundCamera | None:
+    """Return the camera that a recording holds; None, with a warning, where its numbers are those of no camera."""
+    try:
+        camera = numbers()
+    except (BadInput, TypeError, ValueError) as error:
+        why = error.problem if isinstance(error, BadInput) else error
+        text = f"the intrinsics in {source} are ignored: {why}"
+        warnings.warn(text, EvimoWarning, stacklevel=2)
         return None
+    return None if camera is None else FoundCamera(camera, source)
+
+
+def camera_of_matrix(matrix: NDArray[np.floating], size: tuple[int, int]) -> Camera | None:
+    """Return the pinhole of a camera matrix (3, 3); None where the matrix holds zeros, as files without one do."""
+    if not np.any(matrix):
+        return None
+    if matrix.shape != (3, 3):
+        raise ValueError(f"a camera matrix of {matrix.shape}")
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    return CameraHint(fx=fx, fy=fy, cx=cx, cy=cy, height=size[0], width=size[1], source=source)
+    return Camera(fx, fy, cx, cy, *size)
 
 
 def no_gyroscope() -> Gyroscope | None:
@@ -68,7 +76,7 @@ class EventFile:
     start_us:    time of the first event, in the file's own clock.
     stop_us:     time of the last event + 1.
     read:        the format's reader: packets from a place at or before the given time to the end, as stored.
-    camera_hint: intrinsics that lie inside the file.
+    camera:      the one whose intrinsics lie inside the file.
     read_gyroscope: the format's reader of gyroscopes.
     contents:    what else is inside, name to description.
     faults:      what the newest pass had to move or leave out; complete when the pass is.
@@ -80,7 +88,7 @@ class EventFile:
     start_us: int
     stop_us: int
     read: Callable[[int], Iterator[Events]]
-    camera_hint: CameraHint | None = None
+    camera: FoundCamera | None = None
     read_gyroscope: Callable[[], Gyroscope | None] = no_gyroscope
     contents: dict[str, str] = field(default_factory=dict[str, str])
     faults: Faults = field(default_factory=Faults, init=False)

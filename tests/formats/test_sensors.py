@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from evimo.errors import BadFile, BadInput, EvimoWarning
-from evimo.events.io.sensors import KNOWN_SENSORS, assumed_sensor, sensor_size
+from evimo.formats.sensors import KNOWN_SENSORS, assumed_sensor, sensor_size
 
 
 def test_convention_sensor_is_written_width_first_and_kept_height_first():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evimo.events.events import joined
-from evimo.events.io import open_events
+from evimo.formats import open_events
 
 DIGESTED = {
     "es-dvs": "formats/event_stream/dvs.es",

@@ -9,9 +9,9 @@ import numpy as np
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
-from evimo.events.io.event_file import EventFile
-from evimo.events.io.event_stream_kernel import decode_atis, decode_dvs
-from evimo.events.io.survey import surveyed
+from evimo.formats.event_file import EventFile
+from evimo.formats.event_stream_kernel import decode_atis, decode_dvs
+from evimo.formats.survey import surveyed
 
 HEADER_BYTES = 20
 BLOCK_BYTES = 1 << 20

@@ -11,10 +11,10 @@ import numpy as np
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
-from evimo.events.io.aedat4_gyroscope import packet_gyroscope
-from evimo.events.io.aedat4_packets import Head, PacketTable, head, packet_events, packet_table, walked
-from evimo.events.io.event_file import EventFile
-from evimo.events.io.survey import Survey, no_events_in, surveyed
+from evimo.formats.aedat4_gyroscope import packet_gyroscope
+from evimo.formats.aedat4_packets import Head, PacketTable, head, packet_events, packet_table, walked
+from evimo.formats.event_file import EventFile
+from evimo.formats.survey import Survey, no_events_in, surveyed
 
 STREAMS = {"FRME": "frames", "IMUS": "IMU", "TRIG": "triggers", "POSE": "poses", "BBOX": "boxes", "TKPS": "key points"}
 

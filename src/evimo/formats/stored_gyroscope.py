@@ -8,7 +8,7 @@ import numpy as np
 
 from evimo.errors import BadFile
 from evimo.events.gyroscope import Gyroscope, gyroscope_of
-from evimo.events.io.npz_members import Archive
+from evimo.formats.npz_members import Archive
 
 
 def simulated_gyroscope(archive: Archive, prefix: str) -> Gyroscope | None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from evimo.errors import BadFile
 from evimo.events.events import Events
-from evimo.events.io.survey import surveyed
+from evimo.formats.survey import surveyed
 
 
 def block(times, x=0):

@@ -8,7 +8,7 @@ import numpy as np
 
 from evimo.errors import EvimoWarning
 from evimo.events.gyroscope import Gyroscope, gyroscope_of
-from evimo.events.io.aedat4_packets import Head, PacketTable, packet_rates, walked
+from evimo.formats.aedat4_packets import Head, PacketTable, packet_rates, walked
 
 
 def packet_gyroscope(path: Path, top: Head, table: PacketTable | None, events: int) -> Gyroscope | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from evimo.errors import BadFile
 from evimo.events.gyroscope import Gyroscope, gyroscope_of
-from evimo.events.io.bag_records import Bag
+from evimo.formats.bag_records import Bag
 
 IMU = "sensor_msgs/Imu"
 STAMP_AT, NAME_SIZE_AT, FIELDS_AT = 4, 12, 16

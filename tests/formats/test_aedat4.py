@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.events.io import open_events
-from evimo.events.io.aedat4_packets import head, packet_table, walked
+from evimo.formats import open_events
+from evimo.formats.aedat4_packets import head, packet_table, walked
 
 CompressionType = dv_processing.CompressionType
 PART = 100

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from evimo.errors import BadInput, MissingExtra
 from evimo.events.events import Events, joined, no_events
-from evimo.events.io import open_events
-from evimo.recordings import event_files
-from evimo.recordings.event_files import check_events_format, save_events
+from evimo.formats import open_events, saving
+from evimo.formats.saving import check_events_format, save_events
 
 
 def some_events(count=1000, *, span_us=400_000, size=(48, 64)):
@@ -120,4 +119,4 @@ def test_what_cannot_be_written_is_said_first(monkeypatch):
     with pytest.raises(MissingExtra, match=r"evimo\[formats"):
         check_events_format("aedat4", (48, 64))
     check_events_format("raw", (48, 64))
-    assert set(event_files.SAVE) == {"aedat4", "raw"}
+    assert set(saving.SAVE) == {"aedat4", "raw"}

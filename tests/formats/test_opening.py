@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadFile, EvimoWarning, NotFound
-from evimo.events.io import open_events
+from evimo.formats import open_events
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import warnings
 from pathlib import Path
 
 from evimo.errors import EvimoWarning
-from evimo.events.io.event_file import EventFile
-from evimo.events.io.recognition import SUFFIXES, recognised
+from evimo.formats.event_file import EventFile
+from evimo.formats.recognition import SUFFIXES, recognised
 
 
 def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> EventFile:
@@ -23,19 +23,19 @@ def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> E
     kind = recognised(path)
     match kind:
         case "evimo_npz":
-            from evimo.events.io.evimo_npz import open_evimo_npz as opened
+            from evimo.formats.evimo_npz import open_evimo_npz as opened
         case "evimo2":
-            from evimo.events.io.evimo2 import open_evimo2 as opened
+            from evimo.formats.evimo2 import open_evimo2 as opened
         case "aedat2":
-            from evimo.events.io.aedat2 import open_aedat2 as opened
+            from evimo.formats.aedat2 import open_aedat2 as opened
         case "aedat4":
-            from evimo.events.io.aedat4 import open_aedat4 as opened
+            from evimo.formats.aedat4 import open_aedat4 as opened
         case "event_stream":
-            from evimo.events.io.event_stream import open_event_stream as opened
+            from evimo.formats.event_stream import open_event_stream as opened
         case "rosbag1":
-            from evimo.events.io.rosbag1 import open_rosbag1 as opened
+            from evimo.formats.rosbag1 import open_rosbag1 as opened
         case _:
-            from evimo.events.io.text import open_text as opened
+            from evimo.formats.text import open_text as opened
     recording = opened(path, sensor)
     suffix = path.suffix.lower()
     if path.is_file() and suffix not in SUFFIXES[kind]:

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.events.io import open_events, text
+from evimo.formats import open_events, text
 
 SIZE = (48, 64)
 QUIET = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

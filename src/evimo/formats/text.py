@@ -11,10 +11,10 @@ import numpy as np
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
-from evimo.events.io.event_file import EventFile
-from evimo.events.io.sensors import assumed_sensor
-from evimo.events.io.survey import Survey, surveyed
-from evimo.events.io.text_kernel import parse_lines
+from evimo.formats.event_file import EventFile
+from evimo.formats.sensors import assumed_sensor
+from evimo.formats.survey import Survey, surveyed
+from evimo.formats.text_kernel import parse_lines
 
 BLOCK_BYTES = 1 << 21
 NAMES = (

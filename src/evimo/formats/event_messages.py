@@ -7,7 +7,7 @@ import numpy as np
 
 from evimo.errors import BadFile
 from evimo.events.events import Events
-from evimo.events.io.event_message_kernel import (
+from evimo.formats.event_message_kernel import (
     decode_dvs_msgs,
     decode_evt3,
     decode_libcaer,

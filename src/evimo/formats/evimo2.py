@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
-from evimo.events.io.event_file import CameraHint, EventFile, hint_from_matrix
-from evimo.events.io.npz_members import Archive, array_header
-from evimo.events.io.sensors import assumed_sensor
-from evimo.events.io.stored_gyroscope import folder_gyroscope
-from evimo.events.io.survey import no_events_in
+from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
+from evimo.formats.npz_members import Archive, array_header
+from evimo.formats.sensors import assumed_sensor
+from evimo.formats.stored_gyroscope import folder_gyroscope
+from evimo.formats.survey import no_events_in
+from evimo.geometry.camera import Camera
 
 PACKET_EVENTS = 1 << 17
 ROUNDING_S = 1e-4  # more than float32 seconds are off within the first half hour
@@ -47,7 +48,7 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
         start_us=int(_as_us(t[:1])[0]),
         stop_us=int(_as_us(t[-1:])[0]) + 1,
         read=read,
-        camera_hint=_camera(folder, size),
+        camera=_camera(folder, size),
         read_gyroscope=lambda: folder_gyroscope(folder),
         contents=_contents(folder),
     )
@@ -126,23 +127,27 @@ def _meta(folder: Path) -> dict[str, Any]:
         raise BadFile(f"{path} is no JSON object", fix="write the recording again") from error
 
 
-def _camera(folder: Path, size: tuple[int, int]) -> CameraHint | None:
+def _camera(folder: Path, size: tuple[int, int]) -> FoundCamera | None:
     meta = _meta(folder)
     if {"fx", "fy", "cx", "cy"} <= meta.keys():
-        fisheye = meta.get("dist_model") == "equidistant"
-        names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
-        return CameraHint(
-            **{name: float(meta[name]) for name in ("fx", "fy", "cx", "cy")},
-            height=size[0],
-            width=size[1],
-            distortion=tuple(float(meta.get(name, 0.0)) for name in names),
-            lens="fisheye" if fisheye else "radtan",
-            source="dataset_info.json",
-        )
+        return found_camera(lambda: _camera_of_meta(meta, size), "dataset_info.json")
     path = folder / "dataset_info.npz"
     if path.exists() and "K" in (archive := Archive(path)).names:
-        return hint_from_matrix(archive.small("K"), size, "K in dataset_info.npz")
+        matrix = archive.small("K")
+        return found_camera(lambda: camera_of_matrix(matrix, size), "K in dataset_info.npz")
     return None
+
+
+def _camera_of_meta(meta: dict[str, Any], size: tuple[int, int]) -> Camera:
+    fisheye = meta.get("dist_model") == "equidistant"
+    names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
+    return Camera(
+        **{name: float(meta[name]) for name in ("fx", "fy", "cx", "cy")},
+        height=size[0],
+        width=size[1],
+        distortion=tuple(float(meta.get(name, 0.0)) for name in names),
+        lens="fisheye" if fisheye else "radtan",
+    )
 
 
 def _contents(folder: Path) -> dict[str, str]:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope, gyroscope_of
-from evimo.events.io.aedat2_header import Header, header
-from evimo.events.io.aedat2_words import RECORD_BYTES, Words, davis_events, dvs128_events, gyroscope_words, words
-from evimo.events.io.event_file import EventFile
-from evimo.events.io.sensors import assumed_sensor
-from evimo.events.io.survey import surveyed
+from evimo.formats.aedat2_header import Header, header
+from evimo.formats.aedat2_words import RECORD_BYTES, Words, davis_events, dvs128_events, gyroscope_words, words
+from evimo.formats.event_file import EventFile
+from evimo.formats.sensors import assumed_sensor
+from evimo.formats.survey import surveyed
 
 BLOCK_BYTES = RECORD_BYTES << 17
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.events.io import aedat2, open_events
+from evimo.formats import aedat2, open_events
 
 FIRST_LINE = b"#!AER-DAT2.0\r\n# This is a raw AE data file - do not edit\r\n"
 CHIP = b"# AEChip: eu.seebetter.ini.chips.davis.DAVIS240C\r\n"

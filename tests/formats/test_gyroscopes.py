@@ -10,9 +10,9 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.events.io import open_events
-from evimo.events.io.aedat4_packets import head, packet_table
-from evimo.events.io.rosbag1 import EventTopic
+from evimo.formats import open_events
+from evimo.formats.aedat4_packets import head, packet_table
+from evimo.formats.rosbag1 import EventTopic
 from evimo.recordings.writer import RecordingWriter
 from evimo.simulate.imu import ImuSettings
 from evimo.simulate.recording import simulate_recording

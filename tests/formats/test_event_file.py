@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
-from evimo.events.io.event_file import EventFile, hint_from_matrix
+from evimo.formats.event_file import EventFile, camera_of_matrix, found_camera
+from evimo.geometry.camera import Camera
 
 
 def packet(times, x=0, y=0):
@@ -102,7 +103,13 @@ def test_what_comes_out_is_sorted_and_nothing_is_lost_uncounted(times):
     assert len(seen) + made.faults.dropped == sum(map(len, times))
 
 
-def test_a_matrix_that_is_no_camera_gives_no_hint():
-    assert hint_from_matrix(np.zeros((3, 3)), (48, 64), "K") is None
-    hint = hint_from_matrix(np.array([[50.0, 0, 31], [0, 51, 23], [0, 0, 1]]), (48, 64), "K")
-    assert hint is not None and (hint.fx, hint.fy, hint.cx, hint.cy) == (50, 51, 31, 23)
+def test_a_matrix_of_zeros_is_no_camera():
+    assert camera_of_matrix(np.zeros((3, 3)), (48, 64)) is None
+    matrix = np.array([[50.0, 0, 31], [0, 51, 23], [0, 0, 1]])
+    assert camera_of_matrix(matrix, (48, 64)) == Camera(50.0, 51.0, 31.0, 23.0, 48, 64)
+
+
+@pytest.mark.parametrize("matrix", [np.eye(4), np.diag([-50.0, 50, 1]), np.diag([np.nan, 50, 1])])
+def test_intrinsics_that_are_no_camera_are_ignored_with_a_warning(matrix):
+    with pytest.warns(EvimoWarning, match="the intrinsics in K of a.npz are ignored"):
+        assert found_camera(lambda: camera_of_matrix(matrix, (48, 64)), "K of a.npz") is None

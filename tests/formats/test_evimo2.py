@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.events.io import evimo2, open_events
+from evimo.formats import evimo2, open_events
 
 
 @pytest.fixture
@@ -47,13 +47,13 @@ def test_absolute_times_keep_their_microseconds(folder, events, rows):
 def test_camera_comes_from_plain_sources_only(folder):
     matrix = np.array([[50.0, 0, 31], [0, 51, 23], [0, 0, 1]])
     np.savez(folder / "dataset_info.npz", K=matrix, meta=np.array({"pickled": 1}, dtype=object))
-    hint = open_events(folder).camera_hint
-    assert (hint.fx, hint.cy, hint.height) == (50, 23, 48)
+    found = open_events(folder).camera.camera
+    assert (found.fx, found.cy, found.height) == (50, 23, 48)
     meta = {"fx": 40, "fy": 41, "cx": 30, "cy": 20, "k1": 0.1, "p2": 0.2, "res_x": 640, "res_y": 480}
     (folder / "dataset_info.json").write_text(json.dumps({"meta": meta}))
     opened = open_events(folder)
     assert opened.sensor == (480, 640)
-    assert (opened.camera_hint.fx, opened.camera_hint.distortion) == (40, (0.1, 0, 0, 0.2, 0))
+    assert (opened.camera.camera.fx, opened.camera.camera.distortion) == (40, (0.1, 0, 0, 0.2, 0))
 
 
 def test_without_maps_the_sensor_is_assumed(folder):

@@ -4,16 +4,18 @@ import struct
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events, joined
-from evimo.events.io.bag_records import Bag, ChunkPlace, open_bag
-from evimo.events.io.event_file import CameraHint, EventFile
-from evimo.events.io.event_messages import ARRAYS, PACKETS, Decoder, PacketDecoder, array_events, image_size
-from evimo.events.io.rosbag1_gyroscope import bag_gyroscope
-from evimo.events.io.survey import no_events_in
+from evimo.formats.bag_records import Bag, ChunkPlace, open_bag
+from evimo.formats.event_file import EventFile, FoundCamera, found_camera
+from evimo.formats.event_messages import ARRAYS, PACKETS, Decoder, PacketDecoder, array_events, image_size
+from evimo.formats.rosbag1_gyroscope import bag_gyroscope
+from evimo.formats.survey import no_events_in
+from evimo.geometry.camera import Camera
 
 MARGIN_US = 1_000_000  # between an event and the recording of its message
 DRIFT = 1e-4  # of the sensor's clock against the recorder's
@@ -120,7 +122,7 @@ def open_rosbag1(path: Path, sensor: tuple[int, int] | None = None) -> EventFile
         start_us=int(first.t.min()),
         stop_us=int(last.t.max()) + 1,
         read=topic.read,
-        camera_hint=_camera(bag, topic.connection, sensor or size),
+        camera=_camera(bag, topic.connection, sensor or size),
         read_gyroscope=lambda: bag_gyroscope(bag, topic.connection, topic.of_stamp),
         contents=_contents(bag),
     )
@@ -155,28 +157,29 @@ def _contents(bag: Bag) -> dict[str, str]:
     return {words: ", ".join(topics) for words, topics in contents.items()}
 
 
-def _camera(bag: Bag, events: int, size: tuple[int, int]) -> CameraHint | None:
+def _camera(bag: Bag, events: int, size: tuple[int, int]) -> FoundCamera | None:
     """Intrinsics of a CameraInfo of the same size, best of the same namespace."""
     near = bag.connections[events].topic.rpartition("/")[0]
     names = [name for name, connection in bag.connections.items() if connection.kind == "sensor_msgs/CameraInfo"]
     for name in sorted(names, key=lambda name: bag.connections[name].topic.rpartition("/")[0] != near):
         for chunk in (chunk for chunk in bag.chunks if chunk.counts.get(name)):
             message = next(bag.messages(chunk, {name}))
-            hint = _camera_info(message.payload, bag.connections[name].topic)
-            if hint and (hint.height, hint.width) == size:
-                return hint
+            payload, source = message.payload, f"{bag.connections[name].topic} in the bag"
+            found = found_camera(partial(_camera_info, payload), source)
+            if found and found.camera.size == size:
+                return found
             break
     return None
 
 
-def _camera_info(payload: memoryview, topic: str) -> CameraHint | None:
+def _camera_info(payload: memoryview) -> Camera | None:
     from rosbags.typesys import Stores, get_typestore
 
     info: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(payload, "sensor_msgs/msg/CameraInfo")
     fx, _, cx, _, fy, cy = (float(value) for value in info.K[:6])
-    if min(fx, fy) <= 0:
+    if fx == fy == 0:  # a driver's way to say that nobody calibrated
         return None
-    return CameraHint(
+    return Camera(
         fx=fx,
         fy=fy,
         cx=cx,
@@ -185,5 +188,4 @@ def _camera_info(payload: memoryview, topic: str) -> CameraHint | None:
         width=int(info.width),
         distortion=tuple(float(value) for value in info.D),
         lens="fisheye" if info.distortion_model in ("equidistant", "fisheye") else "radtan",
-        source=f"{topic} in the bag",
     )

@@ -8,8 +8,8 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.events.io import open_events
-from evimo.events.io.bag_records import open_bag
+from evimo.formats import open_events
+from evimo.formats.bag_records import open_bag
 
 TYPES = get_typestore(Stores.ROS1_NOETIC)
 PART, EPOCH_US = 100, 1_600_000_000_000_000
@@ -124,8 +124,8 @@ def test_what_else_is_inside_is_told(tmp_path, absolute):
         "IMU": "/cam/imu (10)",
         "camera info": "/cam/camera_info (1)",
     }
-    hint = opened.camera_hint
-    assert (hint.fx, hint.fy, hint.cx, hint.cy, hint.distortion[2]) == (50, 51, 31, 23, 0.3)
+    found = opened.camera.camera
+    assert (found.fx, found.fy, found.cx, found.cy, found.distortion[2]) == (50, 51, 31, 23, 0.3)
 
 
 @pytest.mark.parametrize("compression", [None, Writer.CompressionFormat.LZ4])

@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.events.io import evimo_npz, open_events
+from evimo.formats import evimo_npz, open_events
+from evimo.geometry.camera import Camera
 
 MATRIX = np.array([[50.0, 0, 31], [0, 51, 23], [0, 0, 1]])
 QUIET = settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -77,7 +78,7 @@ def test_size_comes_from_the_maps_and_camera_from_the_matrix(tmp_path, events):
     for more in ({"depth": np.zeros((2, 260, 346))}, {"mask": np.zeros((2, 260, 346), np.uint16)}):
         opened = open_events(save(tmp_path / "a.npz", stored, K=MATRIX, **more))
         assert opened.sensor == (260, 346)
-        assert opened.camera_hint.cx == 31 and opened.camera_hint.fy == 51 and opened.camera_hint.width == 346
+        assert opened.camera.camera == Camera(50.0, 51.0, 31.0, 23.0, 260, 346)
     with pytest.warns(EvimoWarning, match="taken as 128x128"):
         assert open_events(save(tmp_path / "a.npz", stored)).sensor == (128, 128)
     assert open_events(save(tmp_path / "a.npz", stored), sensor=(100, 200)).sensor == (100, 200)
@@ -89,7 +90,7 @@ def test_distortion_is_ignored_with_a_warning_unless_it_is_zero(tmp_path, events
     assert not recwarn.list
     with pytest.warns(EvimoWarning, match="`D` is ignored"):
         opened = open_events(save(tmp_path / "a.npz", stored, **sized(K=MATRIX, D=np.array([0.1, 0, 0, 0]))))
-    assert opened.camera_hint.distortion == ()
+    assert opened.camera.camera.distortion == ()
 
 
 FACTS = {"camera": {"fx": 50, "fy": 51, "cx": 31, "cy": 23, "distortion": [0.1, 0, 0, 0], "lens": "radtan"}}
@@ -100,10 +101,8 @@ def test_the_lens_of_our_own_files_is_taken_from_their_facts(tmp_path, events, r
     wrong = {"K": 2 * MATRIX, "D": np.array([0.7, 0, 0, 0])}
     opened = open_events(save(tmp_path / "a.npz", table(events, "f8"), **sized(**told, **wrong)))
     assert not recwarn.list
-    hint = opened.camera_hint
-    assert (hint.fx, hint.fy, hint.cx, hint.cy, hint.height, hint.width) == (50, 51, 31, 23, 48, 64)
-    assert (hint.distortion, hint.lens) == ((0.1, 0, 0, 0), "radtan")
-    assert "sim_facts" in hint.source
+    assert opened.camera.camera == Camera(50.0, 51.0, 31.0, 23.0, 48, 64, (0.1, 0.0, 0.0, 0.0), "radtan")
+    assert "sim_facts" in opened.camera.source
     assert opened.contents["meta"] == "poses, as text"
 
 
@@ -181,7 +180,7 @@ def test_events_behind_other_arrays_are_found_in_a_cut_file(tmp_path, events, ro
         opened = open_events(path, sensor=(48, 64))
     seen = rows(opened)
     assert len(seen) > 900 and seen == rows([events])[: len(seen)]
-    assert opened.camera_hint.fx == 50
+    assert opened.camera.camera.fx == 50
 
 
 def test_nothing_readable_is_an_error(tmp_path, events):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from evimo.events.events import joined
-from evimo.events.io.event_message_kernel import decode_evt3, evt3_state
-from evimo.events.io.event_messages import EventPacket, PacketDecoder
+from evimo.formats.event_message_kernel import decode_evt3, evt3_state
+from evimo.formats.event_messages import EventPacket, PacketDecoder
 
 
 def ros2_packet(raw):
