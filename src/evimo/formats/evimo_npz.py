@@ -35,8 +35,8 @@ def open_evimo_npz(path: Path, sensor: tuple[int, int] | None = None) -> EventFi
     archive = Archive(path)
     header = _events_header(archive)
     survey = surveyed(path, _blocks(archive, header, 0))
-    if survey.events < header.shape[0]:
-        text = f"{path.name} is cut short: {survey.events:,} of {header.shape[0]:,} events are readable and used"
+    if survey.stored < header.shape[0]:
+        text = f"{path.name} is cut short: {survey.stored:,} of {header.shape[0]:,} events are readable and used"
         warnings.warn(text, EvimoWarning, stacklevel=3)
     size = sensor or _map_size(archive) or assumed_sensor(path, survey.extent)
 

@@ -10,7 +10,7 @@ from evimo.formats.recognition import SUFFIXES, Kind, recognised
 from evimo.formats.time_units import TimeUnit
 
 # What the reader of each kind asks for besides the sensor, as keywords.
-OPTIONS: dict[Kind, set[str]] = {}
+OPTIONS: dict[Kind, set[str]] = {"text": {"time_unit", "columns"}}
 
 
 def open_events(

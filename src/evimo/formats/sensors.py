@@ -22,6 +22,17 @@ def sensor_size(written: str) -> tuple[int, int]:
     return height, width
 
 
+def size_in_words(sensor: tuple[int, int]) -> str:
+    """Return a size as users write it, as in 346x260."""
+    return f"{sensor[1]}x{sensor[0]}"
+
+
+def fitting_sensor(extent: tuple[int, int]) -> tuple[int, int]:
+    """Return the smallest known sensor that holds so many rows and columns; so many themselves, if none does."""
+    height, width = extent
+    return next((known for known in KNOWN_SENSORS if height <= known[0] and width <= known[1]), extent)
+
+
 def assumed_sensor(path: Path, extent: tuple[int, int]) -> tuple[int, int]:
     """The smallest known sensor that holds every pixel of the file, with a warning that says so.
 
