@@ -57,9 +57,10 @@ class Faults:
         """Return the faults in words, with counts; empty where there are none."""
         height, width = sensor
         again = f"its clock starts again after {self.reset_us} µs: the {self.after_reset:,} events from there on were"
+        old = f"more than {WINDOW_US // 1000} ms older than those before them"
         parts = {
             f"{self.out_of_order:,} events were out of order and sorted": self.out_of_order,
-            f"{self.late:,} events more than {WINDOW_US // 1000} ms older than those before them were dropped": self.late,
+            f"{self.late:,} events {old} were dropped": self.late,
             f"{self.outlying:,} events with times far from those around them were dropped": self.outlying,
             f"{again} dropped (split the file there to read them)": self.after_reset,
             f"{self.outside:,} events outside the {width}x{height} sensor were dropped": self.outside,

@@ -16,7 +16,6 @@ from evimo.formats.clock import WINDOW_US, Clock, Faults, sorted_packets
 from evimo.formats.sensors import size_in_words
 from evimo.geometry.camera import Camera
 
-
 LATE_SHARE = 20  # one event in so many may be late; more, and the order of the file is no order in time
 
 
@@ -134,9 +133,9 @@ def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
     whole = faults.late + faults.after_reset + kept
     if faults.late * LATE_SHARE <= whole and faults.after_reset <= kept:
         return
-    lost = faults.late + faults.after_reset
+    lost, old = faults.late + faults.after_reset, f"more than {WINDOW_US // 1000} ms older than events before them"
     raise BadFile(
-        f"{path.name}: {lost:,} of {whole + faults.outlying:,} events are more than {WINDOW_US // 1000} ms older than events before them",
+        f"{path.name}: {lost:,} of {whole + faults.outlying:,} events are {old}",
         fix="sort the recording by time, or split it where its clock starts again",
     )
 

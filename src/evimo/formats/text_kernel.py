@@ -214,8 +214,8 @@ def plain_lines(raw, at, roles, power, events):
                     value *= POWERS[power]
             values[roles[column]] = value
             byte = raw[at]
-            is_end = byte == NEWLINE or byte == RETURN
-            is_gap = byte == SPACE or byte == COMMA or byte == TAB or byte == SEMICOLON
+            is_end = byte in (NEWLINE, RETURN)
+            is_gap = byte in (SPACE, COMMA, TAB, SEMICOLON)
             if missing or length > LONGEST or value < 0 or not (is_end if column == columns - 1 else is_gap):
                 good = False
                 break

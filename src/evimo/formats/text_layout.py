@@ -1,7 +1,7 @@
 """How the lines of a text file are to be read: what its heading says, what its columns hold, the unit of its times."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile
 from evimo.formats.columns import found_columns, named_columns, said_columns
 from evimo.formats.sensors import fitting_sensor
+from evimo.formats.survey import no_events_in
+from evimo.formats.text_kernel import parse_lines
 from evimo.formats.text_source import TextSource
-from evimo.formats.time_units import POWERS, Times, TimeUnit, time_unit
+from evimo.formats.time_units import POWERS, Times, TimeUnit, found_unit, repeat_of
 
 HEADING_LINES = 100
 SAMPLE_LINES = 500  # of each piece: 0.01 s to read
@@ -43,12 +45,17 @@ class Layout:
     @property
     def roles(self) -> NDArray[np.int64]:
         """The columns as numbers."""
-        return COLUMNS[["_txyp".index(letter) for letter in self.columns]]
+        return roles_of(self.columns)
 
     @property
     def power(self) -> int:
         """Of ten, from the unit to µs."""
         return POWERS[self.unit]
+
+
+def roles_of(columns: str) -> NDArray[np.int64]:
+    """Return columns as the numbers that `text_kernel` has for them."""
+    return COLUMNS[["_txyp".index(letter) for letter in columns]]
 
 
 @dataclass(slots=True)
@@ -81,14 +88,15 @@ def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | Non
     else:
         order = found_columns(source.path, sample)
     if len(order) != width:
+        shown = " ".join(pieces[0][0])[:60]
         raise BadFile(
-            f"{source.path.name} has {width} columns in {' '.join(pieces[0][0])[:60]!r}, not the {len(order)} of {order!r}",
+            f"{source.path.name} has {width} columns in {shown!r}, not the {len(order)} of {order!r}",
             fix="a letter for each column with --columns, as in txyp; _ for one to leave out",
         )
     written = [[row[order.index("t")] for row in rows] for rows in pieces if rows]
     dotted = dotted or any("." in time for times in written for time in times)
-    times = _times(written, sample, order)
-    guessed = time_unit(source.path, times, said=unit, usual="s" if dotted else "us")
+    times = replace(_times(written, sample, order), repeat=_repeat(lines[heading.length :], order, dotted))
+    guessed = found_unit(source.path, times, said=unit, usual="s" if dotted else "us")
     return Layout(heading.length, order, guessed, dotted, heading.sensor)
 
 
@@ -155,6 +163,14 @@ def _times(written: list[list[str]], sample: NDArray[np.float64], order: str) ->
     return Times(pieces, _step([time for times in written for time in times]), height * width)
 
 
+def _repeat(raw: bytes, order: str, dotted: bool) -> float | None:
+    """The median time between two events of one pixel, in the file's unit."""
+    power = POWERS["s"] if dotted else 0
+    x, y, t, *_ = parse_lines(np.frombuffer(raw, np.uint8), roles_of(order), power)
+    repeat = repeat_of(x, y, t)
+    return None if repeat is None else repeat / 10**power
+
+
 def _step(written: list[str]) -> int | None:
     """The power of ten in whose steps the times are written; None for more places than a clock has."""
     powers: list[int] = []
@@ -170,9 +186,12 @@ def _step(written: list[str]) -> int | None:
 
 
 def _no_numbers(path: Path, lines: bytes) -> BadFile:
-    first = next((line for line in lines.decode(errors="replace").splitlines() if line.strip(" #%\ufeff")), "")
-    shown = f"it begins {first.strip()[:60]!r}" if first else "it is blank"
+    """The error for a text without numbers: no events yet, or another text."""
+    said = [line.strip() for line in lines.decode(errors="replace").lstrip("\ufeff").splitlines() if line.strip()]
+    prose = [line for line in said if line[0] not in "%#" and not named_columns(SPACES.split(line))]
+    if not any(re.search(r"[^\W\d]", line) for line in prose):
+        return no_events_in(path)
     return BadFile(
-        f"{path.name} holds no events: there is no line of numbers `t x y p` in it, {shown}",
+        f"{path.name} is a text, such as a README, without a line of numbers `t x y p`: it begins {said[0][:60]!r}",
         fix="one event per line: time, column, row, polarity (0 and 1, or -1 and 1)",
     )
