@@ -25,6 +25,10 @@ COUNTED = {
     "formats/ros/davis346_1s_dvs_msgs.bag": ((260, 346), 35_525),
     "formats/ros/event_camera_msgs_evt3.bag": ((480, 640), 343_474),
     "formats/text/ecd_text/events.txt": ((260, 346), 35_525),
+    "formats/hdf5/davis346_1s_dsec_style.h5": ((260, 346), 35_525),
+    "formats/hdf5/davis346_1s_mvsec_style.h5": ((260, 346), 35_525),
+    "recordings/davis346_night/events.npz": ((260, 346), 130_444),
+    "recordings/davis240_pan_tilt/events.npz": ((180, 240), 132_784),
 }
 
 
