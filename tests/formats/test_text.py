@@ -228,7 +228,7 @@ def test_said_columns_are_taken_as_said(tmp_path):
     (packet,) = open_events(path, sensor=SIZE, columns="tyPx_")
     assert (packet.t.tolist(), packet.x.tolist(), packet.y.tolist()) == ([7, 8], [3, 4], [5, 6])
     assert packet.p.tolist() == [1, -1]
-    with pytest.raises(BadFile, match="has 5 columns .*, not the 4 of 'txyp'"):
+    with pytest.raises(BadFile, match=r"has 5 columns .*, not the 4 of 'txyp'"):
         open_events(path, columns="txyp")
     with pytest.raises(BadInput, match="does not name t, x, y and p once each"):
         open_events(path, columns="txyy")
