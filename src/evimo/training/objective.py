@@ -117,6 +117,7 @@ def as_prediction(answer: FirstAnswer, intrinsics: Tensor) -> Prediction:
         mixture=torch.cat((still + 1, still), dim=1),
         seen=answer.flow * per_second,
         taken=answer.flow * 0,
+        confidence=still + 1,
         intrinsics=resized_intrinsics(intrinsics, (FIRST_STEP, FIRST_STEP), (1, 1)),
         valid=answer.valid,
     )
