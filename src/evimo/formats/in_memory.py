@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +48,13 @@ def recording_of(events: Events | NDArray[Any], *, sensor: tuple[int, int] | Non
     )
 
 
-def _events(given: Events | NDArray[Any]) -> Events:
+def _events(given: object) -> Events:
     if isinstance(given, Events):
         columns = {"t": given.t, "x": given.x, "y": given.y, "p": given.p}
     elif isinstance(given, np.ndarray) and given.dtype.names is not None:
-        columns = _fields(given)
+        columns = _fields(cast(NDArray[Any], given))
     elif isinstance(given, np.ndarray) and given.ndim == 2 and given.shape[1] == 4:
-        columns = dict(zip("txyp", given.T, strict=True))
+        columns = dict(zip("txyp", cast(NDArray[Any], given).T, strict=True))
     else:
         shape = f" {given.shape}" if isinstance(given, np.ndarray) else ""
         raise BadInput(f"{type(given).__name__}{shape} holds no events", fix=COLUMNS)
