@@ -143,15 +143,14 @@ def _arrays(camera: Camera, slices: Iterable[tuple[Slice, Truth]]) -> tuple[dict
 
 def _truth_row(truth: Truth, grid: NDArray[np.float64], rectification: Rectification) -> dict[str, NDArray[Any]]:
     """One slice's truth in the rectified image."""
-    velocity, moves = np.zeros((256, 3), np.float32), np.zeros(256, np.bool_)
-    for number, motion in truth.objects.items():
-        moves[number] = motion.moves
-        velocity[number] = motion.velocity * moves[number]
+    velocity = np.zeros((256, 3), np.float32)
+    for number in truth.movers:
+        velocity[number] = truth.objects[number].velocity
     flow = np.clip(true_flow(truth, grid), -1e4, 1e4)
     return {
         "depth": rectification.from_sensor(np.where(truth.valid, truth.depth, 0)).astype(np.float16),
         "ids": rectification.from_sensor(truth.ids),
-        "moving": rectification.from_sensor(moves[truth.ids]),
+        "moving": rectification.from_sensor(truth.of_movers(truth.ids)),
         "clutter": rectification.from_sensor(truth.clutter),
         "flow": rectification.from_sensor(flow).astype(np.float16),
         "velocity": velocity,
