@@ -5,6 +5,7 @@ found by the names of what they hold, wherever they lie.
 """
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -65,8 +66,7 @@ def event_tables(path: Path, file: h5py.File, columns: str | None) -> list[Event
     look("", file)
     file.visititems(look)
     if not found:
-        names: list[str] = []
-        file.visit(lambda name: names.append(name) if len(names) < 8 else None)
+        names = list(file)[:8]
         raise BadFile(
             f"{path.name} is HDF5 without events: {', '.join(names) or 'it is empty'}",
             fix="arrays t, x, y, p in one group, or one array `events` with fields or columns of these",
@@ -79,7 +79,7 @@ def _of_group(name: str, group: Any) -> EventTable | None:
     arrays = [key for key in group if _is_column(group.get(key))]
     if (order := named_columns(arrays)) is None:
         return None
-    columns = {letter: (group[arrays[order.index(letter)]], "") for letter in LETTERS}
+    columns: dict[str, tuple[Any, str | int]] = {letter: (group[arrays[order.index(letter)]], "") for letter in LETTERS}
     return EventTable(name or "/", columns, min(len(array) for array, _ in columns.values()))
 
 
@@ -127,7 +127,7 @@ def require_filters(path: Path, array: Any) -> None:
 
 def _load_plugin(path: Path, codec: str) -> None:
     try:
-        import hdf5plugin  # noqa: F401  # its import registers the filters
+        import_module("hdf5plugin")  # this registers the filters
     except ImportError as error:
         raise MissingExtra(
             f"{path.name} is compressed with {codec}, for which hdf5plugin is missing",
@@ -139,7 +139,7 @@ def stored_size(file: h5py.File, table: EventTable) -> tuple[int, int] | None:
     """The sensor's size where attributes (`geometry`, `width` and `height`) or `calib/resolution` tell it."""
     array = table.columns["t"][0]
     for place in (array, array.parent, array.parent.parent, file):
-        attributes = place.attrs
+        attributes: Any = place.attrs
         if isinstance(written := attributes.get("geometry"), str | bytes):
             return sensor_size(written if isinstance(written, str) else written.decode())
         if {"width", "height"} <= set(attributes):

@@ -113,11 +113,12 @@ def found_unit(path: Path, times: Times, *, said: TimeUnit | None, usual: TimeUn
     """
     if said is not None:
         return said
-    known = [unit for unit in POWERS if is_plausible(times, unit)]
+    known: list[TimeUnit] = [unit for unit in POWERS if is_plausible(times, unit)]
     if not known:
         raise BadFile(f"{path.name}: {_in_words(times, usual)}: no camera does that", fix=FIX)
-    costs = {unit: _cost(times, unit) + (0 if unit == usual else CONVENTION) for unit in known}
-    unit, *others = sorted(known, key=costs.__getitem__)
+    costs: dict[TimeUnit, float] = {unit: _cost(times, unit) + (0 if unit == usual else CONVENTION) for unit in known}
+    known.sort(key=lambda unit: costs[unit])
+    unit, others = known[0], known[1:]
     in_doubt = times.count >= ENOUGH and not math.isinf(times.rate)
     if unit != usual or (in_doubt and others and costs[others[0]] < costs[unit] + DOUBT):
         other = usual if unit != usual else others[0]
