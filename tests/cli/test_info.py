@@ -17,7 +17,7 @@ def recording(tmp_path):
 def test_info_prints_what_is_inside(recording, capsys):
     info(recording, reading=Reading(sensor="64x48"))
     printed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
-    assert printed["format"] == "text (times in µs)"
+    assert printed["format"] == "text (times in µs, guessed)"
     assert printed["sensor"] == "64x48"
     assert printed["span"] == "1.000001 s"
     assert printed["events"] == "4"

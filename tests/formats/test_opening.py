@@ -110,7 +110,6 @@ def test_folders_without_a_recording(tmp_path):
         ("formats/prophesee/evt3.raw", "Prophesee recording .evt 3.0"),
         ("formats/prophesee/sample_ncars.dat", "Prophesee"),
         ("formats/prophesee/evt3_sample.npy", "NumPy array"),
-        ("formats/hdf5/davis346_1s_dsec_style.h5", "HDF5"),
         ("formats/ros/event_camera_msgs_evt3_db3", "ROS 2"),
         ("formats/ros/event_camera_msgs_evt3_db3/test_events_1.db3", "ROS 2"),
     ],

@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.events.events import Events, joined, no_events
-from evimo.formats.clock_kernel import (
+from evimo.formats.clock_rules import (
     ACCEPTED,
     AFTER_RESET,
     AHEAD,
+    BACK_NEWEST,
     BACK_RUN,
     DISORDERED,
     KEPT,
     LATE,
     NEWEST,
+    NO_TIME,
     OUTLIER,
     WINDOW_US,
-    fresh_state,
-    judge,
 )
 
 ENDLESS = 1000  # events that stay behind until the file ends: no late packet, but a clock that started again
@@ -78,8 +78,11 @@ class Clock:
     """
 
     def __init__(self, faults: Faults, *, from_start: bool = True) -> None:
+        from evimo.formats.clock_kernel import judge  # loading what is compiled takes longer than all else
+
+        self._judge = judge
         self._faults, self._from_start = faults, from_start
-        self._state = fresh_state()
+        self._state = _fresh_state()
         self._waiting = no_events()
         self.began_anew, self.in_order = False, True
 
@@ -104,14 +107,14 @@ class Clock:
         `began_anew` says whether all that was returned before is to be forgotten, `in_order` whether these are sorted
         and none is older than those returned before.
         """
-        whole = joined([self._waiting, packet]) if len(self._waiting) else packet
+        whole = joined([part for part in (self._waiting, packet) if len(part)])
         verdicts = np.zeros(len(whole), np.uint8)
         self.began_anew, first, before = False, 0, int(self._state[ACCEPTED])
-        judged, anew, some_left = judge(whole.t, verdicts, self._state, final, self._from_start)
+        judged, anew, some_left = self._judge(whole.t, verdicts, self._state, final, self._from_start)
         while anew:
             self._faults.outlying += before + int((verdicts[first:judged] == KEPT).sum())
-            self.began_anew, self._from_start, first, before, self._state = True, False, judged, 0, fresh_state()
-            more, anew, left = judge(whole.t[first:], verdicts[first:], self._state, final, False)
+            self.began_anew, self._from_start, first, before, self._state = True, False, judged, 0, _fresh_state()
+            more, anew, left = self._judge(whole.t[first:], verdicts[first:], self._state, final, False)
             judged, some_left = first + more, some_left or left
         self._waiting = whole.part(judged, len(whole))
         self.in_order = not self._state[DISORDERED]
@@ -144,6 +147,13 @@ class Clock:
     def _end(self) -> None:
         if self._faults.reset_us is None and self._state[BACK_RUN] >= ENDLESS:
             self._cut(0)
+
+
+def _fresh_state() -> NDArray[np.int64]:
+    """The state of a clock that has met no event."""
+    state = np.zeros(7, np.int64)
+    state[[NEWEST, BACK_NEWEST]] = NO_TIME
+    return state
 
 
 def _selected(events: Events, verdicts: NDArray[np.uint8]) -> Events:

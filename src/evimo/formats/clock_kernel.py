@@ -1,22 +1,28 @@
 # pyright: basic
 """Which events keep the clock of their recording, compiled: one pass, with a look ahead where the clock jumps."""
 
-import numpy as np
 from numba import njit
 
-WINDOW_US = 50_000  # simulators that write frame after frame leave the events of up to 40 ms unsorted
-AHEAD = 64  # events that are asked where the clock jumps: fewer than half of them may be wrong
-LONG_US = 10_000_000  # a pause after which a handful of events is not believed at either end of a recording
-NO_TIME = np.iinfo(np.int64).min  # the time of an event that has none
-MOST_US = 1 << 61  # sums of two times stay whole
-
-KEPT, OUTLIER, LATE, AFTER_RESET, WAITING, ANEW = range(6)
-NEWEST, OLDEST, ACCEPTED, DISORDERED, BACK_NEWEST, BACK_RUN, CUT = range(7)
-
-
-def fresh_state():
-    """The state of a clock that has met no event."""
-    return np.array([NO_TIME, 0, 0, 0, NO_TIME, 0, 0], np.int64)
+from evimo.formats.clock_rules import (
+    ACCEPTED,
+    AFTER_RESET,
+    AHEAD,
+    ANEW,
+    BACK_NEWEST,
+    BACK_RUN,
+    CUT,
+    DISORDERED,
+    KEPT,
+    LATE,
+    LONG_US,
+    MOST_US,
+    NEWEST,
+    NO_TIME,
+    OLDEST,
+    OUTLIER,
+    WAITING,
+    WINDOW_US,
+)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
-from evimo.formats.clock_kernel import NO_TIME
+from evimo.formats.clock_rules import NO_TIME
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive
 from evimo.formats.npz_rows import NpzRows

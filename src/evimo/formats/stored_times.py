@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile
 from evimo.events.events import Events, no_events
 from evimo.formats.clock import Clock, Faults
-from evimo.formats.clock_kernel import WINDOW_US
+from evimo.formats.clock_rules import WINDOW_US
 from evimo.formats.event_file import refuse_disorder
 from evimo.formats.time_units import Times, TimeUnit, as_us, check_span, found_unit, step_of
 

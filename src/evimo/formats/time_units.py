@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.formats.clock_kernel import MOST_US, NO_TIME
+from evimo.formats.clock_rules import MOST_US, NO_TIME
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 
