@@ -2,7 +2,8 @@
 """Parsing of text lines with four numbers, compiled."""
 
 import numpy as np
-from numba import njit
+
+from evimo.compiling import njit
 
 NEWLINE, SPACE, TAB, RETURN, COMMA, SEMICOLON = 10, 32, 9, 13, 44, 59
 MINUS, PLUS, DOT, ZERO, NINE, LOWER_E, UPPER_E = 45, 43, 46, 48, 57, 101, 69
