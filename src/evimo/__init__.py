@@ -55,4 +55,4 @@ def _check_training_installed(name: str) -> None:
     from evimo.errors import MissingExtra
 
     if missing := [module for module in ("torch", "safetensors") if find_spec(module) is None]:
-        raise MissingExtra(f"evimo.{name} needs {' and '.join(missing)}", fix='pip install "evimo[train]"')
+        raise MissingExtra(f"evimo.{name} needs {' and '.join(missing)}", extra="train")

@@ -20,7 +20,7 @@ from typing import Any
 
 from evimo.errors import EvimoWarning
 
-EVERY_S = 5.0  # between two lines that say what is being compiled
+EVERY_S = 10.0  # between two lines that say what is being compiled
 FOLDER = "evimo-compiled"
 ADVICE = "each run compiles anew; set NUMBA_CACHE_DIR to a folder that can be written"
 UNREADABLE = (OSError, EOFError, pickle.UnpicklingError)  # of compiled code that was cut short
@@ -33,11 +33,9 @@ def njit(**options: Any) -> Callable[[Any], Any]:
     """Decorate as `numba.njit` does, and keep the compiled code where it can be written."""
 
     def compiled(function: Any) -> Any:
-        import numba  # takes half a second, which `evimo --help` does not need
-
         _listen()
         try:
-            made = numba.njit(**options | {"cache": True})(function)
+            made = _made(function, options, cache=True)
         except RuntimeError as error:
             if "no locator available" not in str(error):
                 raise
@@ -58,18 +56,25 @@ def announced(say: Callable[[str], None]) -> Generator[None]:
         _listeners.remove(say)
 
 
+def _made(function: Any, options: dict[str, Any], *, cache: bool) -> Any:
+    import numba  # takes half a second, which `evimo --help` does not need
+
+    make: Any = numba.njit
+    return make(**options | {"cache": cache})(function)
+
+
 def _kept_elsewhere(function: Any, options: dict[str, Any]) -> Any:
     """Compiled code kept in the temporary folder, or not at all."""
-    import numba
-    from numba.core import config
+    from numba.core import config as numba_config
 
+    config: Any = numba_config
     folder = _temporary_folder()
     if folder is None:
-        return numba.njit(**options | {"cache": False})(function)
+        return _made(function, options, cache=False)
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)  # read once, by what the decorator makes
     try:
-        return numba.njit(**options | {"cache": True})(function)
+        return _made(function, options, cache=True)
     finally:
         config.CACHE_DIR = before
 
@@ -99,7 +104,7 @@ def _is_ours(folder: Path) -> bool:
 
 def _forgive(made: Any) -> None:
     """Compiled code that cannot be kept or read again, on a full disk or after a power cut, is no reason to stop."""
-    kept = getattr(made, "_cache", None)
+    kept: Any = getattr(made, "_cache", None)
     if not hasattr(kept, "save_overload"):  # NUMBA_DISABLE_JIT leaves the plain function
         return
     usual_save, usual_load = kept.save_overload, kept.load_overload

@@ -43,13 +43,12 @@ def evaluate(
         density_threshold: times the mean event density, for that baseline; tuned on other recordings.
     """
     report = evaluated(recordings_in(paths), model=model, out=out, imu=imu, density_threshold=density_threshold)
-    console = Console()
-    Console(width=max(console.width, WIDTH)).print(as_rich(report))  # narrower, the tables fold into columns of letters
+    Console(width=max(Console().width, WIDTH)).print(as_rich(report))  # narrower, they fold into letters
     if out is not None:
         report.save(out / "report.json")
         report.save_csv(out / "report.csv")
         (out / "report.md").write_text(as_markdown(report), encoding="utf-8")
-        console.print(f"saved in {out}: report.json, report.md, report.csv")
+        print(f"saved in {out}: report.json, report.md, report.csv")
 
 
 def recordings_in(paths: Iterable[Path]) -> list[Path]:

@@ -2,14 +2,11 @@
 
 import re
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
-from rich.text import Text
-
 from evimo.cli.folders import make_folder
+from evimo.cli.progress import progress
 from evimo.errors import BadInput
 
 if TYPE_CHECKING:
@@ -112,11 +109,11 @@ def _write_dataset(plan: "DatasetPlan", out: Path, workers: int) -> None:
 
     _read(plan.own)
     make_folder(out)
-    columns = (TextColumn("simulate"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
-    with Progress(*columns) as progress:
-        task = progress.add_task("recordings", total=plan.recordings)
-        for _ in simulate_dataset(plan, out, workers=workers):
-            progress.advance(task)
+    there = sum(plan.is_complete(out, seed) for seed in plan.seeds)
+    with progress(plan.recordings, "recordings") as advance:
+        for number, _ in enumerate(simulate_dataset(plan, out, workers=workers)):
+            advance(made=number >= there)
+    print(f"{plan.recordings} recordings in {out}, {plan.recordings - there} of them made now")
 
 
 def _read(own: "OwnFolders") -> None:
@@ -127,35 +124,15 @@ def _read(own: "OwnFolders") -> None:
 
 
 def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
-    """Show seconds of recording made, how fast, and the time left: by the bar, or a line each without a terminal."""
     from evimo.simulate.replica import simulate_replica
 
-    sequences = plan.sequences
     _read(plan.own)
     make_folder(out)
-    total_s = sum(sequence.seconds for sequence in sequences)
-    present = {sequence.path for sequence in sequences if (out / sequence.path).exists()}
-    begun, made_s, done_s = time.perf_counter(), 0.0, 0.0
-    with Progress(TextColumn("replica"), BarColumn(), TextColumn("{task.fields[said]}")) as progress:
-        task = progress.add_task("", total=total_s, said=f"{total_s:.0f} s")
+    present = {sequence.path for sequence in plan.sequences if (out / sequence.path).exists()}
+    with progress(round(sum(sequence.seconds for sequence in plan.sequences), 3), "s of recording") as advance:
         for sequence in simulate_replica(plan, out, workers=workers):
-            done_s += sequence.seconds
-            made_s += 0 if sequence.path in present else sequence.seconds
-            said = f"{done_s:.0f} of {total_s:.0f} s"
-            if made_s:
-                per_s = made_s / (time.perf_counter() - begun)
-                said += f", {per_s:.3f} s of recording per s, {(total_s - done_s) / per_s / 60:.1f} min left"
-            progress.update(task, advance=sequence.seconds, said=said)
-            if made_s and not progress.console.is_terminal:
-                progress.console.print(f"{sequence.path}: {said}", soft_wrap=True)
-
-
-class _Rate(ProgressColumn):
-    """Recordings per second."""
-
-    def render(self, task) -> Text:  # type: ignore[no-untyped-def]
-        speed = task.finished_speed or task.speed
-        return Text(f"{speed:.2f} recordings/s" if speed else "", style="progress.data.speed")
+            advance(sequence.seconds, made=sequence.path not in present, facts=sequence.path)
+    print(f"{len(plan.sequences)} recordings in {out}, {len(plan.sequences) - len(present)} of them made now")
 
 
 def _set_number(text: str) -> int:

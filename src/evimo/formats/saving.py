@@ -93,7 +93,7 @@ def _dv_processing() -> Any:
     try:
         return importlib.import_module("dv_processing")
     except ImportError as error:
-        raise MissingExtra("AEDAT 4 is written through dv-processing", fix='pip install "evimo[formats]"') from error
+        raise MissingExtra("AEDAT 4 is written through dv-processing", extra="formats") from error
 
 
 SAVE = {"aedat4": save_aedat4, "raw": save_raw}

@@ -76,6 +76,11 @@ class DatasetPlan:
         """How many recordings."""
         return max(1, round(self.minutes * 60 / self.seconds))
 
+    @property
+    def seeds(self) -> range:
+        """One of each recording."""
+        return range(self.seed, self.seed + self.recordings)
+
     def set_of(self, seed: int) -> int:
         """The set of one recording."""
         return self.set_number or list(SETS)[seed % len(SETS)]
@@ -120,12 +125,11 @@ def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Itera
     """
     plan.own.check()
     check_device(plan.device)
-    seeds = range(plan.seed, plan.seed + plan.recordings)
-    paths = (plan.recording(out, seed) for seed in seeds)
+    paths = (plan.recording(out, seed) for seed in plan.seeds)
     check_made_alike((path for path in paths if path.exists()), plan.made_of())
-    complete = {seed for seed in seeds if plan.is_complete(out, seed)}
+    complete = {seed for seed in plan.seeds if plan.is_complete(out, seed)}
     yield from (plan.recording(out, seed) for seed in sorted(complete))
-    missing = [seed for seed in seeds if seed not in complete]
+    missing = [seed for seed in plan.seeds if seed not in complete]
     yield from finished(partial(write_recording, plan, out), missing, workers)
 
 
