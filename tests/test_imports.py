@@ -15,8 +15,8 @@ SRC = Path(__file__).parents[1] / "src" / "evimo"
 
 # A room imports only from rows above its own in this list, never from its own row (docs/decisions/0001).
 ROWS = [
-    "errors compiling",
-    "geometry samples",
+    "errors",
+    "compiling geometry samples writing",
     "events",
     "formats",
     "recordings",

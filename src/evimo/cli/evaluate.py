@@ -20,6 +20,7 @@ from evimo.recordings.estimate import Estimate
 from evimo.recordings.facts import own_version
 from evimo.recordings.recording import Recording, knows_truth, open_recording
 from evimo.streaming.inference import Network
+from evimo.writing import make_folder, save_files, shown
 
 INFO = "dataset_info.json"
 WIDTH = 150
@@ -42,12 +43,13 @@ def evaluate(
         imu: off scores events alone; auto takes the camera's rotation from the recordings' gyroscopes.
         density_threshold: times the mean event density, for that baseline; tuned on other recordings.
     """
+    if out is not None:
+        make_folder(out)
     report = evaluated(recordings_in(paths), model=model, out=out, imu=imu, density_threshold=density_threshold)
     Console(width=max(Console().width, WIDTH)).print(as_rich(report))  # narrower, they fold into letters
     if out is not None:
-        report.save(out / "report.json")
-        report.save_csv(out / "report.csv")
-        (out / "report.md").write_text(as_markdown(report), encoding="utf-8")
+        contents = {"report.json": report.as_json(), "report.csv": report.as_csv(), "report.md": as_markdown(report)}
+        save_files(out, contents)
         print(f"saved in {out}: report.json, report.md, report.csv")
 
 
@@ -72,11 +74,10 @@ def recordings_in(paths: Iterable[Path]) -> list[Path]:
 
 
 def _recordings_below(path: Path) -> list[Path]:
-    """Finished ones: what is under way is hidden."""
+    """Finished ones: what is being written is hidden."""
     folders = [file.parent for file in path.rglob(INFO)]
     files = [file for file in path.rglob("*.npz") if not file.name.startswith("dataset_") and knows_truth(file)]
-    shown = [each for each in folders + files if not any(part.startswith(".") for part in each.relative_to(path).parts)]
-    return sorted(shown)
+    return sorted(shown(folders + files, below=path))
 
 
 def evaluated(

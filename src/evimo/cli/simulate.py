@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from evimo.cli.folders import make_folder
 from evimo.cli.progress import progress
 from evimo.errors import BadInput
+from evimo.writing import make_folder
 
 if TYPE_CHECKING:
     from evimo.simulate.dataset import DatasetPlan

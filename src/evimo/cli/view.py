@@ -58,11 +58,11 @@ def view(
     if not 0 < speed <= 100:
         raise BadInput(f"a video {speed:g} times as fast", fix="--speed between 0 and 100, as in 0.25")
     from evimo.events.slices import SLICE_US
-    from evimo.viewing.video import WholeVideo
+    from evimo.viewing.video import whole_video
 
-    fps = speed * 1e6 / SLICE_US
+    out, fps = out or _default_file(recording), speed * 1e6 / SLICE_US
     every = max(1, math.ceil(fps / FASTEST_FPS))
-    with WholeVideo(out or _default_file(recording), fps=fps / every) as video:
+    with whole_video(out, fps=fps / every) as video:
         events, span, draw = _prepared(recording, sensor, span_s=(start, stop), picture=picture)
         count, done = 0, 0
         with (
@@ -83,11 +83,8 @@ def view(
             raise Stopped(request.number)
         if not count:
             raise BadInput(f"nothing is known of {recording} in this span", fix="another --start or --stop")
-        video.keep()
     early = done < len(span)
-    print(
-        f"{'stopped early: ' if early else ''}{count} frames, {done * SLICE_US * 1e-6:g} s of recording\n  {video.path}"
-    )
+    print(f"{'stopped early: ' if early else ''}{count} frames, {done * SLICE_US * 1e-6:g} s of recording\n  {out}")
     return Stopped(request.number).code if early else 0
 
 
