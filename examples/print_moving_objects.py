@@ -9,5 +9,5 @@ import evimo
 
 path = sys.argv[1]
 
-for estimate in evimo.run(evimo.open_events(path), model="small"):
+for estimate in evimo.run(path, model="small"):
     print(estimate.t_us, estimate.ego, [(thing.id, thing.centroid) for thing in estimate.objects])

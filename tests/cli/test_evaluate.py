@@ -75,6 +75,7 @@ def all_knowing(recording: Recording) -> Iterator[Estimate]:
             ids=truth.ids,
             rel_depth=truth.depth / 2,
             flow=true_flow(truth, grid).astype(np.float32),
+            confidence=np.ones(CAMERA.size, np.float32),
             valid=np.ones(CAMERA.size, bool),
             ego=truth.ego * [0.5, 0.5, 0.5, 1, 1, 1],
             objects=(),

@@ -48,6 +48,8 @@ class Estimate:
     ids:        (H, W) uint8, 0 is background, else `MovingObject.id`.
     rel_depth:  (H, W) float32 along the optical axis, mean 1 over the rectified image.
     flow:       (2, H, W) float32, image velocity on the plane Z = 1, in 1/s.
+    confidence: (H, W) float32, 0...1, in the flow: how much each pixel counted when the motions were fitted to it.
+                Low where events are few or say little; no probability.
     valid:      (H, W) bool, False where the lens has no rectified counterpart: the maps say nothing there.
     ego:        (6,) the camera's twist relative to the static world, camera axes:
                 translation in mean depths per second, rotation in rad/s.
@@ -62,6 +64,7 @@ class Estimate:
     ids: NDArray[np.uint8]
     rel_depth: NDArray[np.float32]
     flow: NDArray[np.float32]
+    confidence: NDArray[np.float32]
     valid: NDArray[np.bool_]
     ego: NDArray[np.float64]
     objects: tuple[MovingObject, ...]
