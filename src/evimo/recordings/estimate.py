@@ -55,6 +55,7 @@ class Estimate:
                 translation in mean depths per second, rotation in rad/s.
     objects:    the moving objects of this slice.
     event_labels: of the slice's events; None unless asked for.
+    has_events: False where the slice has no event: then nothing is known, `valid` is False and `ego` is NaN everywhere.
     """
 
     t_us: int
@@ -69,6 +70,7 @@ class Estimate:
     ego: NDArray[np.float64]
     objects: tuple[MovingObject, ...]
     event_labels: EventLabels | None = None
+    has_events: bool = True
 
     @property
     def moving(self) -> NDArray[np.bool_]:
