@@ -27,9 +27,9 @@ class EstimatesFile:
     """Writes estimates to one HDF5 file; `close` waits for the last one.
 
     Datasets, N slices of (H, W) sensor pixels: `t_us` (N,) int64, `has_events` (N,) bool, `ego` (N, 6) float64,
-    `moving_probability` (N, H, W) uint8, `ids` (N, H, W) uint8, `rel_depth` (N, H, W) float16, `confidence` (N, H, W) uint8, and `valid`
-    (H, W) bool, the same for all slices. One slice is one gzip chunk. Each dataset says its unit and meaning in its
-    attribute `meaning`.
+    `moving_probability` (N, H, W) uint8, `ids` (N, H, W) uint8, `rel_depth` (N, H, W) float16, `confidence` (N, H, W)
+    uint8, and `valid` (H, W) bool, the same for all slices. One slice is one gzip chunk. Each dataset says its unit
+    and meaning in its attribute `meaning`.
     """
 
     def __init__(

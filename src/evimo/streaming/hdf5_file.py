@@ -22,7 +22,9 @@ class Hdf5File:
         self._disk = _Disk(path)
         self.content: Any = h5py.File(self._disk, "w")
         self.content.attrs.update(attributes)
-        self.check()
+        self.content.flush()
+        if self._disk.failure is not None:
+            self.close()
 
     def check(self) -> None:
         """Make sure that what was written has arrived.
@@ -83,6 +85,12 @@ class _Disk:
             self.failure = error
         self._kept.append((self._at - len(rest), bytes(rest)))
         return count
+
+    def read(self, count: int) -> bytes:
+        """As of any file; by this method h5py knows one."""
+        found = bytearray(count)
+        self.readinto(found)
+        return bytes(found)
 
     def readinto(self, into: Any) -> int:
         """As of any file; beyond its end are zeros."""
