@@ -27,9 +27,20 @@ ROWS = [
 ]
 HEIGHT = {room: height for height, row in enumerate(ROWS) for room in row.split()}
 
-# These come with an extra: imported only inside the function that needs them, except in the rooms of training.
-EXTRAS = ["torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun"]
-TRAINING_ROOMS = {"model", "losses", "training"}
+# These come with an extra: imported only inside the function that needs them, except in the rooms of training and of simulating.
+EXTRAS = [
+    "scipy",
+    "skimage",
+    "trimesh",
+    "torch",
+    "safetensors",
+    "jaxtyping",
+    "onnx",
+    "onnxscript",
+    "hdf5plugin",
+    "rerun",
+]
+ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "simulate"}
 TRAINING_MODULES = {f"evimo.geometry.{name}" for name in ("grids", "motion_field", "poses", "warping")}
 
 
@@ -54,14 +65,14 @@ def test_every_room_has_a_row():
 
 
 def test_importing_evimo_imports_nothing_heavy():
-    heavy = ["numpy", "numba", "cv2", "scipy", "onnxruntime", "h5py", "av", "lz4", "rosbags", *EXTRAS]
+    heavy = ["numpy", "numba", "cv2", "onnxruntime", "h5py", "av", "lz4", "rosbags", *EXTRAS]
     loaded = printed_by(f"import sys, evimo; print(*[name for name in {heavy} if name in sys.modules])")
     assert loaded.split() == []
 
 
 def test_base_rooms_import_without_any_extra():
     """Every module that running needs is imported in an interpreter that has none of the extras."""
-    modules = [name for name in all_modules() if name not in TRAINING_MODULES and room_of(name) not in TRAINING_ROOMS]
+    modules = [name for name in all_modules() if name not in TRAINING_MODULES and room_of(name) not in ROOMS_OF_EXTRAS]
     program = f"""
 import importlib, sys
 for extra in {EXTRAS}:
@@ -83,7 +94,7 @@ def test_what_is_imported_is_declared_and_the_other_way_round():
     names = {name.split(".")[0] for file in SRC.rglob("*.py") for name in imported(file)}
     used = spelled(home for name in names - {"evimo"} for home in homes.get(name, []))
     installed = spelled(home for found in homes.values() for home in found)  # some are for other Python versions
-    assert used - spelled([*base, *extras["train"], *extras["formats"], *extras["view"]]) == set()
+    assert used - spelled([*base, *extras["train"], *extras["formats"], *extras["view"], *extras["simulate"]]) == set()
     assert (spelled(base) & installed) - used == set()
 
 

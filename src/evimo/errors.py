@@ -4,6 +4,7 @@ import json
 import sys
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -45,6 +46,16 @@ class MissingExtra(EvimoError):
 
 class EvimoWarning(UserWarning):
     """Something in the input was left out or guessed; the message gives counts."""
+
+
+def check_installed(purpose: str, *modules: str, extra: str) -> None:
+    """Make sure that modules of an extra can be imported.
+
+    Raises:
+        MissingExtra: one cannot; `purpose` needs it.
+    """
+    if missing := [module for module in modules if find_spec(module) is None]:
+        raise MissingExtra(f"{purpose} needs {' and '.join(missing)}", extra=extra)
 
 
 def how_to_install(extra: str) -> str:

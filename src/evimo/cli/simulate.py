@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from evimo.cli.progress import progress
-from evimo.errors import BadInput
+from evimo.errors import BadInput, check_installed
 from evimo.writing import make_folder
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from evimo.simulate.own_folders import OwnFolders
     from evimo.simulate.replica import ReplicaPlan
 
+SIMULATING = ("scipy", "skimage", "trimesh")
 REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers, --device"
 
 
@@ -65,6 +66,7 @@ def simulate(
             needs evimo[cuda], and its events differ a little from the CPU's.
         replica: of EV-IMO; takes minutes, seed, size, workers, device and both folders, none of the other choices.
     """
+    check_installed("simulating", *SIMULATING, extra="simulate")
     from evimo.simulate.film import check_device
     from evimo.simulate.own_folders import OwnFolders
     from evimo.simulate.workers import check_workers

@@ -3,14 +3,13 @@
 import os
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from evimo.cli.progress import Advance, progress
-from evimo.errors import MissingExtra
+from evimo.errors import check_installed
 from evimo.writing import make_folder
 
 if TYPE_CHECKING:
@@ -76,8 +75,7 @@ def train(
         simulate=tuple(name.strip() for name in simulate.split(",") if name.strip()),
         samples_per_slice=samples_per_slice,
     )
-    if find_spec("torch") is None or find_spec("tensorboard") is None:
-        raise MissingExtra("training needs torch and tensorboard", extra="train")
+    check_installed("training", "torch", "tensorboard", "scipy", "skimage", extra="train")
     from evimo.training.start import Workplace
 
     workers = workers or max(1, (os.cpu_count() or 2) - 1)

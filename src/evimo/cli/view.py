@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evimo.cli.progress import progress
+from evimo.cli.simulate import SIMULATING
 from evimo.cli.stopping import Stopped, asked_to_stop
-from evimo.errors import BadInput, EvimoWarning, NotFound
+from evimo.errors import BadInput, EvimoWarning, MissingExtra, NotFound, check_installed
 
 if TYPE_CHECKING:
     from evimo.events.slices import Slice
@@ -123,6 +124,11 @@ def _lasting(recording: "Recording") -> "EventFile":
 
 
 def _light(recording: "Recording") -> "Light | None":
+    try:
+        check_installed("rendering what the camera saw", *SIMULATING, extra="simulate")
+    except MissingExtra as error:
+        warnings.warn(f"{error.problem}, and is left out: {error.fix}", EvimoWarning, stacklevel=2)
+        return None
     from evimo.simulate.pictures import pictures
 
     print(
