@@ -27,19 +27,10 @@ ROWS = [
 ]
 HEIGHT = {room: height for height, row in enumerate(ROWS) for room in row.split()}
 
-# These come with an extra: imported only inside the function that needs them, except in the rooms of training and of simulating.
-EXTRAS = [
-    "scipy",
-    "skimage",
-    "trimesh",
-    "torch",
-    "safetensors",
-    "jaxtyping",
-    "onnx",
-    "onnxscript",
-    "hdf5plugin",
-    "rerun",
-]
+# These come with an extra: imported only inside the function that needs them, except in rooms that nobody enters
+# without the extra.
+SIMULATING = ["scipy", "skimage", "trimesh"]
+EXTRAS = [*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun"]
 ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "simulate"}
 TRAINING_MODULES = {f"evimo.geometry.{name}" for name in ("grids", "motion_field", "poses", "warping")}
 

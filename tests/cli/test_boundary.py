@@ -26,8 +26,14 @@ def test_a_command_may_return_its_exit_code(value, code):
     "error, words",
     [
         (BadFile("x is empty", fix="another file"), "error: x is empty\n  try: another file\n"),
-        (OSError(errno.ENOSPC, "No space left on device"), "cannot write HERE: No space left on device\n  try: more room"),
-        (OSError(errno.EROFS, "Read-only file system", "/ro/x"), "cannot use /ro/x: Read-only file system\n  try: a folder"),
+        (
+            OSError(errno.ENOSPC, "No space left on device"),
+            "cannot write HERE: No space left on device\n  try: more room",
+        ),
+        (
+            OSError(errno.EROFS, "Read-only file system", "/ro/x"),
+            "cannot use /ro/x: Read-only file system\n  try: a folder",
+        ),
         (PermissionError(errno.EACCES, "Permission denied", "y"), "cannot use y: Permission denied\n  try: a folder"),
         (OSError(errno.EIO, "Input/output error"), "cannot use HERE: Input/output error\n  try: look whether the disk"),
         (OSError(errno.EMFILE, "Too many open files", "z"), "Too many open files\n  try: a higher limit"),

@@ -70,18 +70,28 @@ class Pace:
 
     def words(self, facts: str = "") -> str:
         """As `12 of 80 slices, 40.1 slices/s, 2 s left`."""
-        words = [f"{self.done:g} of {self.total:g} {self.unit}"]
+        words = [f"{_plainly(self.done)} of {_plainly(self.total)} {self.unit}"]
         if per_s := self.per_s:
-            words.append(f"{per_s:.3g} {self.unit}/s")
+            words.append(f"{_rate(per_s)} {self.unit}/s")
             if self.done < self.total:
                 words.append(f"{_duration((self.total - self.done) / per_s)} left")
         return ", ".join([*words, facts] if facts else words)
 
 
+def _plainly(amount: float) -> str:
+    return f"{amount:.3f}".rstrip("0").rstrip(".")
+
+
+def _rate(per_s: float) -> str:
+    return f"{per_s:.1f}" if per_s >= 1 else f"{per_s:.2g}"
+
+
 def _duration(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 100 * 60 else f"{seconds / 3600:.1f} h"
+    if seconds < 100 * 60:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h" if seconds < 100 * 3600 else f"{seconds / 86400:.0f} days"
 
 
 def _is_terminal() -> bool:
