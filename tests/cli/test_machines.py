@@ -88,8 +88,7 @@ def disk(tmp_path: Path) -> Iterator[Callable[[str], Path]]:
     subprocess.run(["umount", str(place)], capture_output=True)
 
 
-@pytest.mark.parametrize("room_k", [0, 16])
-@pytest.mark.parametrize("command", WRITING)
+@pytest.mark.parametrize("command, room_k", [*((command, 16) for command in WRITING), ("run", 0), ("run", 60)])
 def test_a_full_disk_is_two_lines_and_nothing_half_written(command, room_k, inputs, disk):
     place = disk("size=200k")
     (place / "fill").write_bytes(bytes((200 - room_k) * 1024 - 4096))
@@ -127,8 +126,10 @@ def test_an_output_without_room_is_two_lines(command, inputs, tmp_path):
     assert "No space left" in err
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-@pytest.mark.parametrize("command", WRITING)
+@pytest.mark.parametrize(
+    "command, number",
+    [*((each, signal.SIGTERM) for each in WRITING), *(("simulate", each) for each in (signal.SIGHUP, signal.SIGINT))],
+)
 def test_signals_end_every_command(command, number, inputs, tmp_path):
     longer = {"simulate": ["--minutes", "5"], "train": ["--steps", "9999"], "view": ["--speed", "0.001"]}
     arguments = inputs.arguments(command, tmp_path / "out")
@@ -146,19 +147,8 @@ def test_signals_end_every_command(command, number, inputs, tmp_path):
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
 def test_processes_that_simulate_end_with_the_first_one(how, inputs, tmp_path):
-    arguments = [
-        "simulate",
-        "--minutes",
-        "5",
-        "--set",
-        "1",
-        "--size",
-        "64x48",
-        "--workers",
-        "2",
-        "--out",
-        str(tmp_path),
-    ]
+    plan = ["--minutes", "5", "--set", "1", "--size", "64x48", "--workers", "2"]
+    arguments = ["simulate", *plan, "--out", str(tmp_path)]
     process = started(arguments, start_new_session=True)
     deadline = time.monotonic() + 100
     while not any(tmp_path.glob("set*")) and time.monotonic() < deadline:
@@ -190,10 +180,8 @@ def in_group(leader: int) -> list[int]:
 @pytest.mark.parametrize("device", ["cuda", "gpu0"])
 @pytest.mark.parametrize("command", ["train", "simulate"])
 def test_a_device_that_is_not_there_is_two_lines(command, device, inputs, tmp_path):
-    code, _, err = ended(
-        [*inputs.arguments(command, tmp_path / "out"), "--device", device],
-        env=os.environ | {"CUDA_VISIBLE_DEVICES": ""},
-    )
+    blind = os.environ | {"CUDA_VISIBLE_DEVICES": ""}
+    code, _, err = ended([*inputs.arguments(command, tmp_path / "out"), "--device", device], env=blind)
     assert (code, len(err.splitlines())) == (2, 2), err
     assert told_in_two_lines(err)
     assert not (tmp_path / "out").exists()
