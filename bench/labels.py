@@ -96,6 +96,7 @@ def true_estimate(truth: Truth, grid: NDArray[np.float64], rectification: Rectif
         ids=ids,
         rel_depth=rel_depth,
         flow=true_flow(truth, grid).astype(np.float32),
+        confidence=np.ones_like(rel_depth),
         valid=rectification.valid,
         ego=truth.ego / np.array([mean, mean, mean, 1, 1, 1]),
         objects=measured(ids, rel_depth, velocities),

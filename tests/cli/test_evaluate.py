@@ -11,7 +11,6 @@ import pytest
 from pytest import approx
 
 from evimo.cli import main
-from evimo.cli.evaluate import recordings_in
 from evimo.errors import NotFound
 from evimo.evaluation.report import MODEL, load_report
 from evimo.evaluation.scoring import labelled_estimates
@@ -19,6 +18,7 @@ from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.evimo1_writer import Evimo1Writer
+from evimo.recordings.finding import recordings_in
 from evimo.recordings.flow import true_flow
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.recording import Recording, open_recording
@@ -75,6 +75,7 @@ def all_knowing(recording: Recording) -> Iterator[Estimate]:
             ids=truth.ids,
             rel_depth=truth.depth / 2,
             flow=true_flow(truth, grid).astype(np.float32),
+            confidence=np.ones(CAMERA.size, np.float32),
             valid=np.ones(CAMERA.size, bool),
             ego=truth.ego * [0.5, 0.5, 0.5, 1, 1, 1],
             objects=(),
@@ -95,8 +96,8 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         def __init__(self, name):
             self.sha256 = f"digest of {name}"
 
-    monkeypatch.setattr("evimo.cli.evaluate.streaming.run", run)
-    monkeypatch.setattr("evimo.cli.evaluate.Network", Network)
+    monkeypatch.setattr("evimo.streaming.evaluating.run", run)
+    monkeypatch.setattr("evimo.streaming.evaluating.Network", Network)
     return done
 
 
