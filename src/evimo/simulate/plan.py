@@ -49,6 +49,7 @@ class RecordingPlan:
 
     def __post_init__(self) -> None:
         check_population(self.population)
+        known_sensor(self.sensor)
         height, width = self.pixels
         if self.set_number not in SETS:
             raise BadInput(f"no set {self.set_number}", fix="a set from 1 to 6")
