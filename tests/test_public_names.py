@@ -6,7 +6,17 @@ import pytest
 import evimo
 from evimo.errors import MissingExtra, how_to_install
 
-NAMES = {"Camera", "Estimate", "Events", "load_camera", "load_model", "open_events", "open_recording", "run"}
+NAMES = {
+    "Camera",
+    "Estimate",
+    "Events",
+    "evaluate",
+    "load_camera",
+    "load_model",
+    "open_events",
+    "open_recording",
+    "run",
+}
 
 
 def in_new_process(code: str) -> str:

@@ -17,14 +17,26 @@ if TYPE_CHECKING:
     from evimo.model.checkpoint import load_model
     from evimo.recordings.estimate import Estimate
     from evimo.recordings.recording import open_recording
+    from evimo.streaming.evaluating import evaluate
     from evimo.streaming.pipeline import run
 
-__all__ = ["Camera", "Estimate", "Events", "load_camera", "load_model", "open_events", "open_recording", "run"]
+__all__ = [
+    "Camera",
+    "Estimate",
+    "Events",
+    "evaluate",
+    "load_camera",
+    "load_model",
+    "open_events",
+    "open_recording",
+    "run",
+]
 
 _HOMES = {
     "Camera": "evimo.geometry.camera",
     "Estimate": "evimo.recordings.estimate",
     "Events": "evimo.events.events",
+    "evaluate": "evimo.streaming.evaluating",
     "load_camera": "evimo.geometry.calibration",
     "load_model": "evimo.model.checkpoint",
     "open_events": "evimo.formats.opening",

@@ -11,7 +11,6 @@ import pytest
 from pytest import approx
 
 from evimo.cli import main
-from evimo.cli.evaluate import recordings_in
 from evimo.errors import NotFound
 from evimo.evaluation.report import MODEL, load_report
 from evimo.evaluation.scoring import labelled_estimates
@@ -19,6 +18,7 @@ from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.evimo1_writer import Evimo1Writer
+from evimo.recordings.finding import recordings_in
 from evimo.recordings.flow import true_flow
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.recording import Recording, open_recording
@@ -96,8 +96,8 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         def __init__(self, name):
             self.sha256 = f"digest of {name}"
 
-    monkeypatch.setattr("evimo.cli.evaluate.streaming.run", run)
-    monkeypatch.setattr("evimo.cli.evaluate.Network", Network)
+    monkeypatch.setattr("evimo.streaming.evaluating.run", run)
+    monkeypatch.setattr("evimo.streaming.evaluating.Network", Network)
     return done
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
+from evimo.simulate.plan import RecordingPlan
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="made of Linux's own means")]
 WRITING = ("run", "view", "simulate", "train", "evaluate", "realism")
@@ -49,7 +50,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory, fake_network: Path) -> Inpu
     rng = np.random.default_rng(0)
     rows = np.stack([np.sort(rng.integers(0, 300_000, 3000)), *rng.integers(0, (32, 24, 2), (3000, 3)).T], axis=1)
     np.savetxt(folder / "noise.txt", rows, fmt="%d")
-    plan = DatasetPlan(set_number=1, minutes=0.2 / 60, seed=3, seconds=0.2, size=(48, 64))
+    plan = DatasetPlan(first=RecordingPlan(seed=3, set_number=1, seconds=0.2, size=(48, 64)), minutes=0.2 / 60)
     list(simulate_dataset(plan, folder / "simulated"))
     return Inputs(folder / "noise.txt", folder / "simulated", fake_network)
 

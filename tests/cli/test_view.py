@@ -14,6 +14,7 @@ from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.recordings.writer import RecordingWriter
+from evimo.writing import MARKER
 
 SIZE = (24, 32)
 
@@ -133,7 +134,7 @@ def test_ctrl_c_leaves_a_complete_shorter_video(long_recording, tmp_path):
     command = [sys.executable, "-m", "evimo.cli", "view", str(long_recording), "--sensor", "32x24", "--out", str(out)]
     running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
-    while not any(file.stat().st_size for file in out.parent.glob(".*")) and time.monotonic() < deadline:
+    while not any(file.stat().st_size for file in out.parent.glob(f"{MARKER}*/v.mp4")) and time.monotonic() < deadline:
         assert running.poll() is None
         time.sleep(0.02)
     running.send_signal(signal.SIGINT)

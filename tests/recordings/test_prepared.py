@@ -11,6 +11,7 @@ from evimo.recordings.prepared import open_prepared, prepare, recording_folders
 from evimo.recordings.recording import open_recording
 from evimo.recordings.truth import ObjectTruth
 from evimo.recordings.writer import RecordingWriter
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 SIZE = (48, 64)
@@ -26,7 +27,9 @@ def simulated(tmp_path_factory):
     def folder(camera):
         if camera not in made:
             path = tmp_path_factory.mktemp("recordings") / "recording"
-            film = replace(simulate_recording(3, set_number=1, seconds=0.1, size=SIZE), camera=camera)
+            film = replace(
+                simulate_recording(RecordingPlan(seed=3, set_number=1, seconds=0.1, size=SIZE)), camera=camera
+            )
             with RecordingWriter(path, camera) as writer:
                 for piece in film:
                     writer.write(piece.events, piece.truth, clutter_bodies=piece.clutter.astype(np.uint8))

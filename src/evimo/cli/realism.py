@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from evimo.cli.evaluate import recordings_in
 from evimo.cli.progress import progress
 from evimo.errors import BadInput
 from evimo.evaluation.event_statistics import (
@@ -21,6 +20,7 @@ from evimo.evaluation.realism import Realism, Verdict, interval_grid_ms
 from evimo.evaluation.realism_tables import as_markdown, as_rich
 from evimo.formats import EventFile, open_events
 from evimo.formats.sensors import sensor_size
+from evimo.recordings.finding import recordings_in
 from evimo.viewing.charts import Axis, Curve, RatioRow, draw_curves, draw_ratios
 from evimo.viewing.colours import BACKDROP, NEGATIVE, OBJECTS, POSITIVE, RGB, Image
 from evimo.viewing.layout import Box

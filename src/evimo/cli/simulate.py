@@ -73,49 +73,39 @@ def simulate(
 
     check_device(device)
     check_workers(workers)
-    own = OwnFolders(texture_dir, mesh_dir)
+    own, pixels = OwnFolders(texture_dir, mesh_dir), _size(size)
     if replica:
         given = (set, sensor, seconds, camera, layout, events, population, part)
         if given != ("all", "davis346", 1.0, None, "evimo2", None, "stress", None):
             raise BadInput("a replica has its own sets, sensor, camera and lengths", fix=REPLICA_TAKES)
         from evimo.simulate.replica import MINUTES, ReplicaPlan
 
-        minutes = MINUTES if minutes is None else minutes
-        replica_plan = ReplicaPlan(minutes=minutes, seed=seed, size=_size(size), own=own, device=device)
-        _write_replica(replica_plan, out, workers)
+        length = MINUTES if minutes is None else minutes
+        _write_replica(ReplicaPlan(minutes=length, seed=seed, size=pixels, own=own, device=device), out, workers)
         return
     if minutes is None:
         raise BadInput("no length", fix="--minutes M, or --replica")
     from evimo.simulate.dataset import DatasetPlan
+    from evimo.simulate.plan import RecordingPlan, camera_of
 
-    plan = DatasetPlan(
-        set_number=_set_number(set),
-        minutes=minutes,
-        seed=seed,
-        seconds=seconds,
-        camera=camera or ("evimo" if population == "replica" else "random"),
-        sensor=sensor,
-        size=_size(size),
-        layout=layout,
-        events=events,
-        part=part,
-        own=own,
-        device=device,
-        population=population,
+    made = {"sensor": sensor, "camera": camera or camera_of(population), "population": population, "device": device}
+    first = RecordingPlan(
+        seed=seed, set_number=_set_number(set), seconds=seconds, size=pixels, part=part, own=own, **made
     )
+    plan = DatasetPlan(first=first, minutes=minutes, every_set=set == "all", layout=layout, events=events)
     _write_dataset(plan, out, workers)
 
 
 def _write_dataset(plan: "DatasetPlan", out: Path, workers: int) -> None:
     from evimo.simulate.dataset import simulate_dataset
 
-    _read(plan.own)
+    _read(plan.first.own)
     make_folder(out)
     there = sum(plan.is_complete(out, seed) for seed in plan.seeds)
-    with progress(plan.recordings, "recordings") as advance:
+    with progress(len(plan.seeds), "recordings") as advance:
         for number, _ in enumerate(simulate_dataset(plan, out, workers=workers)):
             advance(made=number >= there)
-    print(f"{plan.recordings} recordings in {out}, {plan.recordings - there} of them made now")
+    print(f"{len(plan.seeds)} recordings in {out}, {len(plan.seeds) - there} of them made now")
 
 
 def _read(own: "OwnFolders") -> None:
@@ -138,9 +128,10 @@ def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
 
 
 def _set_number(text: str) -> int:
+    """The set that is asked for; of all of them the first."""
     if text != "all" and text not in tuple("123456"):
         raise BadInput(f"no set {text!r}", fix="a set from 1 to 6, or all")
-    return 0 if text == "all" else int(text)
+    return 1 if text == "all" else int(text)
 
 
 def _size(text: str | None) -> tuple[int, int] | None:

@@ -17,7 +17,7 @@ from evimo.writing import new_file
 
 
 def load_model(name_or_path: str | Path, *, device: str = "cpu") -> MotionNet:
-    """A trained model: `load_model("small")`, `load_model("runs/wall/model.safetensors")`.
+    """Load a trained model for PyTorch: `load_model("small")`, `load_model("runs/wall/model.safetensors")`.
 
     Raises:
         NotFound: no such preset or file.

@@ -42,7 +42,9 @@ class EventLabels:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The answer for one slice [start_us, stop_us), valid at its centre, in sensor pixels (H, W).
+    """An estimate says what moved, how far things were and how the camera moved in one slice [start_us, stop_us).
+
+    All is valid at the slice's centre; maps are in sensor pixels (H, W).
 
     moving_probability: (H, W) float32, 0...1; the motion mask is where it exceeds 0.5.
     ids:        (H, W) uint8, 0 is background, else `MovingObject.id`.
