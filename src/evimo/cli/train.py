@@ -43,7 +43,7 @@ def train(
     Leaves `model.safetensors` (averaged weights with their configuration), `model.onnx` with `model.first.onnx` (to
     run), `log.csv`, `validation.csv` and curves for TensorBoard in the output folder. Each recording is brought into
     its rectified image once, in a folder inside it. Several processes, each with its share of every batch, on one
-    machine or several that see the same folders: `torchrun --nproc-per-node N -m evimo.cli train ...`.
+    machine or several that see the same folders: `torchrun --nproc-per-node N -m evimo train ...`.
 
     Args:
         data: folders of recordings made by `evimo simulate`.
