@@ -19,7 +19,7 @@ from evimo.recordings.truth import Truth
 from evimo.writing import new_folder, remove_leftovers, shown
 
 FORMAT = 1
-ROOM = "a copy of the recordings on a disk with room, which is written once for each"
+ROOM = "more room, or a copy of the recordings on a disk that can be written: each is prepared once, in its folder"
 SUBPIXEL = 64  # steps per px of stored event positions
 NAMES = ("valid", "depth", "ids", "moving", "clutter", "flow", "velocity", "ego")
 EVENT_NAMES = ("event_xy", "event_t", "event_on", "event_first")
