@@ -1,3 +1,4 @@
+import errno
 from dataclasses import replace
 
 import cv2
@@ -190,11 +191,11 @@ def test_a_failure_leaves_nothing_behind(simulated, tmp_path, monkeypatch):
         (folder / file.name).symlink_to(file)
     before = sorted(folder.iterdir())
 
-    def full(path, values):
-        raise OSError("no space left")
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(module.np, "save", full)
+        patch.setattr(module, "_save_array", full)
         with pytest.raises(BadInput, match=f"cannot write {folder}"):
             prepare(folder)
     assert sorted(folder.iterdir()) == before
