@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from evimo.cli import main
+from evimo.errors import how_to_install
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 from evimo.simulate.plan import RecordingPlan
 from evimo.streaming.inference import Network
@@ -121,4 +122,4 @@ def test_no_folder_at_all_is_one_clear_error(tmp_path, capsys):
 def test_without_torch_it_says_what_to_install(recordings, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "torch", None)
     assert main(["train", str(recordings), "--out", str(tmp_path / "run")]) == 2
-    assert "evimo[train]" in capsys.readouterr().err
+    assert how_to_install("train") in capsys.readouterr().err
