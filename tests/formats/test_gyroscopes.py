@@ -15,6 +15,7 @@ from evimo.formats.aedat4_packets import head, packet_table
 from evimo.formats.rosbag1 import EventTopic
 from evimo.recordings.writer import RecordingWriter
 from evimo.simulate.imu import ImuSettings
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 TYPES = get_typestore(Stores.ROS1_NOETIC)
@@ -154,7 +155,7 @@ def test_stamps_follow_events_that_are_in_the_sensors_own_clock():
 
 def test_a_simulated_camera_turns_by_what_its_gyroscope_says(tmp_path):
     """In camera axes: the mean over 25 ms is the change of the exact pose in them, but for bias and noise."""
-    film = simulate_recording(7, set_number=3, seconds=0.2, size=(33, 44))
+    film = simulate_recording(RecordingPlan(seed=7, set_number=3, seconds=0.2, size=(33, 44)))
     with RecordingWriter(tmp_path / "film", film.camera, poses=film.poses, imu=film.imu(ImuSettings())) as writer:
         for piece in film:
             writer.write(piece.events, piece.truth)

@@ -56,13 +56,12 @@ def realism(*real: Path, simulated: Path, out: Path | None = None, reading: Read
         make_folder(out)
     with progress(sum(whole_slices(each) for each in (*files, *made))) as advance:
         compared = Realism(_statistics(files, advance), _statistics(made, advance))
-    console = Console()
-    Console(width=max(console.width, WIDTH)).print(as_rich(compared))  # narrower, the table folds into single letters
+    Console(width=max(Console().width, WIDTH)).print(as_rich(compared))  # narrower, it folds into letters
     if out is not None:
         picture = picture_file(drawn(compared), out / "realism.png")
         contents = {"report.md": as_markdown(compared), "realism.json": compared.as_json(), "realism.png": picture}
         save_files(out, contents)
-        console.print(f"saved in {out}: report.md, realism.json, realism.png")
+        print(f"saved in {out}: report.md, realism.json, realism.png")
 
 
 def _statistics(files: Sequence[EventFile], advance: Callable[[], None]) -> list[EventStatistics]:

@@ -1,17 +1,14 @@
 """`evimo run`: the main job, from a recording to a video, tables and maps."""
 
-import signal
-import sys
 import warnings
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal
 
-from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
 from evimo.cli.reading import AS_TOLD, Reading
+from evimo.cli.stopping import Request, Stopped, asked_to_stop
 from evimo.errors import BadInput, EvimoWarning
 
 if TYPE_CHECKING:
@@ -70,12 +67,12 @@ def run(
         dense = prepared.span.length_s < SHORT_S if dense is None else dense
         wanted = Wanted(dense=dense, video_speed=video_speed if video else None)
         settings = how | {"calibration": calibration and calibration.name} | reading.settings
-        with _controlled(len(prepared.span), heard) as control:
+        with _controlled(len(prepared.span), heard) as (control, request):
             saved = save_run(prepared, out or _default_folder(recording), wanted, settings=settings, control=control)
     if saved is None:
-        raise KeyboardInterrupt
+        raise Stopped(request.number)
     print(_told(saved))
-    return INTERRUPTED if saved.summary["interrupted"] else 0
+    return Stopped(request.number).code if saved.summary["interrupted"] else 0
 
 
 def _default_folder(recording: Path) -> Path:
@@ -116,24 +113,18 @@ def _heard_warnings() -> Generator[list[str]]:
 
 
 @contextmanager
-def _controlled(total: int, heard: list[str]) -> Generator["Control"]:
-    """Progress for each slice; the first Ctrl-C asks the run to stop, the second one breaks it off."""
+def _controlled(total: int, heard: list[str]) -> Generator[tuple["Control", Request]]:
+    """Progress for each slice, and the request to stop early."""
     from evimo.streaming.saving import Control
 
     control = Control(warnings=heard)
 
-    def ask_to_stop(number: int, frame: FrameType | None) -> None:
+    def stop() -> None:
         control.stopped = True
-        signal.signal(signal.SIGINT, before)
-        print("stopping after this slice; Ctrl-C again to give up", file=sys.stderr)
 
-    before = signal.signal(signal.SIGINT, ask_to_stop)
-    try:
-        with progress(total) as advance:
-            control.finished_slice = advance
-            yield control
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with asked_to_stop("slice", stop) as request, progress(total) as advance:
+        control.finished_slice = advance
+        yield control, request
 
 
 def _told(saved: "Saved") -> str:

@@ -1,22 +1,21 @@
 """`evimo view`: a recording as a video, and what really happened in it where that is known."""
 
 import math
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Generator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
 from evimo.cli.reading import AS_TOLD, Reading
-from evimo.errors import BadInput, EvimoWarning, NotFound
+from evimo.cli.simulate import SIMULATING
+from evimo.cli.stopping import Stopped, asked_to_stop
+from evimo.errors import BadInput, EvimoWarning, MissingExtra, NotFound, check_installed
 
 if TYPE_CHECKING:
     from evimo.events.slices import Slice
@@ -68,7 +67,11 @@ def view(
     with whole_video(out, fps=fps / every) as video:
         events, span, draw = _prepared(recording, reading, span_s=(start, stop), picture=picture)
         count, done = 0, 0
-        with _stopping() as stopped, progress(len(span)) as advance, closing(_slices(events, span)) as slices:
+        with (
+            asked_to_stop("frame") as request,
+            progress(len(span)) as advance,
+            closing(_slices(events, span)) as slices,
+        ):
             for part in slices:
                 image = draw(part) if (part.index - span.first) % every == 0 else None
                 if image is not None:
@@ -76,15 +79,15 @@ def view(
                     count += 1
                 done += 1
                 advance()
-                if stopped:
+                if request:
                     break
-        if stopped and not count:
-            raise KeyboardInterrupt
+        if request and not count:
+            raise Stopped(request.number)
         if not count:
             raise BadInput(f"nothing is known of {recording} in this span", fix="another --start or --stop")
     early = done < len(span)
     print(f"{'stopped early: ' if early else ''}{count} frames, {done * SLICE_US * 1e-6:g} s of recording\n  {out}")
-    return INTERRUPTED if early else 0
+    return Stopped(request.number).code if early else 0
 
 
 def _default_file(recording: Path) -> Path:
@@ -120,6 +123,11 @@ def _lasting(recording: "Recording") -> "EventFile":
 
 
 def _light(recording: "Recording") -> "Light | None":
+    try:
+        check_installed("rendering what the camera saw", *SIMULATING, extra="simulate")
+    except MissingExtra as error:
+        warnings.warn(f"{error.problem}, and is left out: {error.fix}", EvimoWarning, stacklevel=2)
+        return None
     from evimo.simulate.pictures import pictures
 
     print(
@@ -161,20 +169,3 @@ def _slices(events: "EventFile", span: "Span") -> Generator["Slice"]:
 
     start_us, stop_us = span.first * SLICE_US, span.last * SLICE_US
     yield from in_slices(events.packets(start_us, stop_us), start_us=start_us, stop_us=stop_us)
-
-
-@contextmanager
-def _stopping() -> Generator[list[bool]]:
-    """Empty until the first Ctrl-C, which asks to stop; the second one breaks off."""
-    stopped: list[bool] = []
-
-    def ask_to_stop(number: int, frame: FrameType | None) -> None:
-        stopped.append(True)
-        signal.signal(signal.SIGINT, before)
-        print("stopping after this frame; Ctrl-C again to give up", file=sys.stderr)
-
-    before = signal.signal(signal.SIGINT, ask_to_stop)
-    try:
-        yield stopped
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -2,7 +2,8 @@
 """Decoding of the payloads of ROS event messages, compiled. Times come out in µs, rounded from ns."""
 
 import numpy as np
-from numba import njit
+
+from evimo.compiling import njit
 
 # What EVT3 keeps from one message to the next.
 TIME_HIGH, TIME_LOW, ROW, BASE_COLUMN, POLARITY, EXPECTED_US, STATE_SIZE = 0, 1, 2, 3, 4, 5, 6

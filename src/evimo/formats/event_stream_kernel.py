@@ -2,7 +2,8 @@
 """Decoding of Event Stream 2 bodies, compiled."""
 
 import numpy as np
-from numba import njit
+
+from evimo.compiling import njit
 
 
 @njit(cache=True, nogil=True)

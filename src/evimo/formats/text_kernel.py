@@ -5,8 +5,8 @@ A line of plain digits between single separators, as nearly all are, is read in 
 """
 
 import numpy as np
-from numba import njit
 
+from evimo.compiling import njit
 from evimo.formats.clock_rules import MOST_US, NO_TIME
 
 NEWLINE, SPACE, TAB, RETURN, COMMA, SEMICOLON, QUOTE = 10, 32, 9, 13, 44, 59, 34

@@ -55,6 +55,7 @@ def summary(run: Run, course: Course, *, settings: dict[str, Any], warnings: Seq
         "startup_s": round(course.startup_s, 3),
         "running_s": round(course.running_s, 3),
         "stages_ms": run.stopwatch.mean_ms(course.slices),
+        "slices_without_events": run.finder.without_events,
         "objects_seen": run.finder.objects_seen,
         "objects_seen_for_100_ms": run.finder.objects_lasting,
         "invalid_pixels": rectification.invalid,
