@@ -49,6 +49,16 @@ def no_gyroscope() -> Gyroscope | None:
     return None
 
 
+@dataclass(frozen=True, slots=True)
+class MarredEvents(Events):
+    """Events of a packet that may be damaged.
+
+    lost: how many events the damage cost, here or just before.
+    """
+
+    lost: int = 0
+
+
 @dataclass(slots=True)
 class Faults:
     """Events that one pass over a recording had to move or leave out.
@@ -56,16 +66,18 @@ class Faults:
     out_of_order: came after a later event of the same packet, and were sorted into place.
     late:         older than a packet already given, dropped.
     outside:      not on the sensor, dropped.
+    damaged:      lost between a damaged word and the next that can be trusted.
     """
 
     out_of_order: int = 0
     late: int = 0
     outside: int = 0
+    damaged: int = 0
 
     @property
     def dropped(self) -> int:
         """Events left out."""
-        return self.late + self.outside
+        return self.late + self.outside + self.damaged
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -144,6 +156,7 @@ def fault_parts(faults: Faults, sensor: tuple[int, int]) -> list[str]:
         f"{faults.out_of_order:,} events were out of order and sorted": faults.out_of_order,
         f"{faults.late:,} events older than the packet before them were dropped": faults.late,
         f"{faults.outside:,} events outside the {width}x{height} sensor were dropped": faults.outside,
+        f"{faults.damaged:,} events beside damaged words are lost": faults.damaged,
     }
     return [words for words, count in parts.items() if count]
 
@@ -151,13 +164,21 @@ def fault_parts(faults: Faults, sensor: tuple[int, int]) -> list[str]:
 def tidied(packets: Iterator[Events], sensor: tuple[int, int], faults: Faults) -> Iterator[Events]:
     """Packets on the sensor and sorted, within and across; what was moved or dropped is counted in `faults`."""
     newest = np.iinfo(np.int64).min
-    for packet in filter(len, packets):
+    for packet in _mended(packets, faults):
         packet = _in_order(_on_sensor(packet, sensor, faults), faults)
         late = int(np.searchsorted(packet.t, newest))
         faults.late += late
         packet = packet.part(late, len(packet))
         if len(packet):
             newest = packet.t[-1]
+            yield packet
+
+
+def _mended(packets: Iterator[Events], faults: Faults) -> Iterator[Events]:
+    """Packets that hold events; those that were lost before them are counted in `faults`."""
+    for packet in packets:
+        faults.damaged += packet.lost if isinstance(packet, MarredEvents) else 0
+        if len(packet):
             yield packet
 
 
