@@ -2,21 +2,20 @@
 
 from pathlib import Path
 
+from evimo.cli.reading import AS_TOLD, Reading
 from evimo.events.gyroscope import Gyroscope
-from evimo.formats import EventFile, FoundCamera, open_events
+from evimo.formats import EventFile, FoundCamera
 from evimo.formats.event_file import fault_parts
-from evimo.formats.sensors import sensor_size
 
 
-def info(file: Path, *, sensor: str | None = None) -> None:
+def info(file: Path, *, reading: Reading = AS_TOLD) -> None:
     """Print format, sensor, span, events, rate, polarity, order of timestamps, and what else is inside.
 
     Args:
         file: an event recording: a file, or an EVIMO2 folder.
-        sensor: width x height in pixels, as in 346x260, where the file does not tell.
+        reading: what the file does not tell.
     """
-    recording = open_events(file, sensor=sensor_size(sensor) if sensor else None)
-    for name, value in facts(recording).items():
+    for name, value in facts(reading.opened(file)).items():
         print(f"{name:<13}{value}")
 
 

@@ -10,6 +10,7 @@ from rich.console import Console
 from evimo.cli.evaluate import recordings_in
 from evimo.cli.folders import make_folder
 from evimo.cli.progress import progress
+from evimo.cli.reading import AS_TOLD, Reading
 from evimo.errors import BadInput
 from evimo.evaluation.event_statistics import (
     EventStatistics,
@@ -21,7 +22,6 @@ from evimo.evaluation.event_statistics import (
 from evimo.evaluation.realism import Realism, Verdict, interval_grid_ms
 from evimo.evaluation.realism_tables import as_markdown, as_rich
 from evimo.formats import EventFile, open_events
-from evimo.formats.sensors import sensor_size
 from evimo.viewing.charts import Axis, Curve, RatioRow, draw_curves, draw_ratios
 from evimo.viewing.colours import BACKDROP, NEGATIVE, OBJECTS, POSITIVE, RGB, Image
 from evimo.viewing.layout import Box
@@ -36,7 +36,7 @@ REAL_COLOURS: tuple[RGB, ...] = (REAL, OBJECTS[3], OBJECTS[0], OBJECTS[5])
 MOST_NAMED = 4
 
 
-def realism(*real: Path, simulated: Path, out: Path | None = None, sensor: str | None = None) -> None:
+def realism(*real: Path, simulated: Path, out: Path | None = None, reading: Reading = AS_TOLD) -> None:
     """Compare the statistics of simulated events with those of real recordings.
 
     Intervals between the events of one pixel, ON fraction, events per active pixel, isolated events, counts per pixel
@@ -46,12 +46,11 @@ def realism(*real: Path, simulated: Path, out: Path | None = None, sensor: str |
         real: event recordings, at best of the simulated sensor and of scenes of the simulated kind.
         simulated: a folder of recordings from evimo simulate, or one of them.
         out: where report.md, realism.json and realism.png go.
-        sensor: width x height of the real recordings in pixels, as in 346x260, where the files do not tell.
+        reading: what the files of the real recordings do not tell.
     """
     if not real:
         raise BadInput("no real recording given", fix="evimo realism REAL --simulated DIR")
-    size = sensor_size(sensor) if sensor else None
-    files = [open_events(path, sensor=size) for path in real]
+    files = [reading.opened(path) for path in real]
     made = [open_events(folder) for folder in recordings_in([simulated])]
     if out is not None:
         make_folder(out)

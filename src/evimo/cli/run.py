@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
+from evimo.cli.reading import AS_TOLD, Reading
 from evimo.errors import BadInput, EvimoWarning
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def run(
     *,
     model: str = "small",
     calibration: Path | None = None,
-    sensor: str | None = None,
+    reading: Reading = AS_TOLD,
     out: Path | None = None,
     start: float = 0.0,
     stop: float | None = None,
@@ -46,7 +47,7 @@ def run(
         model: a preset's name, or an .onnx file.
         calibration: of the camera: kalibr YAML, EV-IMO calib.txt or DV XML. Without it what the recording says of
             itself, else a guess.
-        sensor: its size as WxH, where the file does not tell.
+        reading: what the recording does not tell.
         out: folder of the results; out/NAME by default. Files of the same name are replaced once the new ones are
             complete.
         start: seconds after the first event. Slices lie on the recording's own clock and do not move with it.
@@ -63,12 +64,12 @@ def run(
         raise BadInput(f"a video {video_speed:g} times as fast", fix="--video-speed between 0 and 100, as in 0.25")
     with _heard_warnings() as heard:
         how = {"start_s": start, "stop_s": stop, "event_labels": event_labels, "imu": imu}
-        prepared = _prepared(recording, sensor, model=model, calibration=calibration, how=how)
+        prepared = _prepared(recording, reading, model=model, calibration=calibration, how=how)
         from evimo.streaming.saving import Wanted, save_run
 
         dense = prepared.span.length_s < SHORT_S if dense is None else dense
         wanted = Wanted(dense=dense, video_speed=video_speed if video else None)
-        settings = how | {"calibration": calibration and calibration.name, "sensor": sensor}
+        settings = how | {"calibration": calibration and calibration.name} | reading.settings
         with _controlled(len(prepared.span), heard) as control:
             saved = save_run(prepared, out or _default_folder(recording), wanted, settings=settings, control=control)
     if saved is None:
@@ -81,17 +82,13 @@ def _default_folder(recording: Path) -> Path:
     return Path("out") / (recording.resolve().stem or "recording")
 
 
-def _prepared(
-    recording: Path, sensor: str | None, *, model: str, calibration: Path | None, how: dict[str, Any]
-) -> "Run":
+def _prepared(recording: Path, reading: Reading, *, model: str, calibration: Path | None, how: dict[str, Any]) -> "Run":
     """The run over a recording, everything checked that can be before it starts; `how` as in `Run`."""
-    from evimo.formats.opening import open_events
-    from evimo.formats.sensors import sensor_size
     from evimo.streaming.inference import Network
     from evimo.streaming.pipeline import Run
 
     network = Network(model)
-    events = open_events(recording, sensor=sensor_size(sensor) if sensor else None)
+    events = reading.opened(recording)
     camera = None
     if calibration:
         from evimo.geometry.calibration import load_camera

@@ -15,6 +15,7 @@ import numpy as np
 
 from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
+from evimo.cli.reading import AS_TOLD, Reading
 from evimo.errors import BadInput, EvimoWarning, NotFound
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def view(
     speed: float = 0.25,
     start: float = 0.0,
     stop: float | None = None,
-    sensor: str | None = None,
+    reading: Reading = AS_TOLD,
     picture: bool = True,
 ) -> int:
     """Show a recording as a video.
@@ -54,7 +55,7 @@ def view(
         speed: of the video, 1 being real time; the default is slow enough to watch single slices.
         start: seconds after the recording's beginning. Slices lie on its own clock and do not move with it.
         stop: seconds after the recording's beginning.
-        sensor: its size as WxH, where the file does not tell.
+        reading: what the recording does not tell.
         picture: render what the camera saw; it takes most of the time.
     """
     if not 0 < speed <= 100:
@@ -65,7 +66,7 @@ def view(
     fps = speed * 1e6 / SLICE_US
     every = max(1, math.ceil(fps / FASTEST_FPS))
     with WholeVideo(out or _default_file(recording), fps=fps / every) as video:
-        events, span, draw = _prepared(recording, sensor, span_s=(start, stop), picture=picture)
+        events, span, draw = _prepared(recording, reading, span_s=(start, stop), picture=picture)
         count, done = 0, 0
         with _stopping() as stopped, progress(len(span)) as advance, closing(_slices(events, span)) as slices:
             for part in slices:
@@ -95,7 +96,7 @@ def _default_file(recording: Path) -> Path:
 
 
 def _prepared(
-    path: Path, sensor: str | None, *, span_s: tuple[float, float | None], picture: bool
+    path: Path, reading: Reading, *, span_s: tuple[float, float | None], picture: bool
 ) -> tuple["EventFile", "Span", Drawer]:
     """The events, the slices to show and how to draw one; everything checked that can be before it starts."""
     from evimo.recordings.recording import knows_truth, open_recording
@@ -105,11 +106,9 @@ def _prepared(
         recording = open_recording(path)
         span = span_of(_lasting(recording), start_s=span_s[0], stop_s=span_s[1])
         return recording.events, span, _truth_drawer(recording, _light(recording) if picture else None)
-    from evimo.formats.opening import open_events
-    from evimo.formats.sensors import sensor_size
     from evimo.viewing.event_panel import EventPanel
 
-    events = open_events(path, sensor=sensor_size(sensor) if sensor else None)
+    events = reading.opened(path)
     span, panel = span_of(events, start_s=span_s[0], stop_s=span_s[1]), EventPanel(events.sensor)
     return events, span, lambda part: panel.draw(part, time_origin_us=events.start_us)
 

@@ -91,6 +91,7 @@ class EventFile:
     camera:      the one whose intrinsics lie inside the file.
     read_gyroscope: the format's reader of gyroscopes.
     contents:    what else is inside, name to description.
+    topic:       that of a bag which the events are from; empty where there are no topics.
     faults:      what the newest pass had to move or leave out; complete when the pass is.
     """
 
@@ -103,6 +104,7 @@ class EventFile:
     camera: FoundCamera | None = None
     read_gyroscope: Callable[[], Gyroscope | None] = no_gyroscope
     contents: dict[str, str] = field(default_factory=dict[str, str])
+    topic: str = ""
     faults: Faults = field(default_factory=Faults, init=False)
 
     def __iter__(self) -> Iterator[Events]:

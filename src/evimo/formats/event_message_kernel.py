@@ -12,15 +12,18 @@ SOONER_US = 1 << 20  # a message's first time is before its last, which is what 
 
 
 @njit(cache=True, nogil=True)
-def decode_dvs_msgs(raw):
-    """dvs_msgs/Event: x u2, y u2, seconds u4, nanoseconds u4, polarity u1, packed: 13 bytes."""
-    count = len(raw) // 13
+def decode_dvs_msgs(raw, count, item):
+    """dvs_msgs/Event: x u2, y u2, seconds u4, nanoseconds u4, polarity u1: 13 bytes packed.
+
+    Where CDR aligns each to its size, one begins every 16, and all but the first have x and y two bytes sooner.
+    """
     x, y = np.empty(count, np.uint16), np.empty(count, np.uint16)
     t, p = np.empty(count, np.int64), np.empty(count, np.int8)
     for i in range(count):
-        at = 13 * i
-        x[i] = raw[at] | np.uint16(raw[at + 1]) << 8
-        y[i] = raw[at + 2] | np.uint16(raw[at + 3]) << 8
+        at = item * i
+        place = at - 2 if i > 0 and item == 16 else at
+        x[i] = raw[place] | np.uint16(raw[place + 1]) << 8
+        y[i] = raw[place + 2] | np.uint16(raw[place + 3]) << 8
         t[i] = word(raw, at + 4) * 1_000_000 + (word(raw, at + 8) + 500) // 1000
         p[i] = 1 if raw[at + 12] else -1
     return x, y, t, p

@@ -1,12 +1,12 @@
-"""ROS event messages to events: dvs_msgs/EventArray and event_camera_msgs/EventPacket, as ROS 1 serialises them."""
+"""ROS event messages to events, as ROS 1 and ROS 2 serialise them: dvs_msgs/EventArray, event_camera_msgs/EventPacket."""
 
-import struct
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from evimo.errors import BadFile
 from evimo.events.events import Events
+from evimo.formats.bag_messages import MessageFields
 from evimo.formats.event_message_kernel import (
     decode_dvs_msgs,
     decode_evt3,
@@ -18,6 +18,8 @@ from evimo.formats.event_message_kernel import (
 ARRAYS = ("dvs_msgs/EventArray", "prophesee_event_msgs/EventArray")
 PACKETS = ("event_camera_msgs/EventPacket", "event_array_msgs/EventArray")
 ENCODINGS = ("evt3", "mono", "libcaer")
+ITEM = 13  # bytes of an event of an array; CDR aligns its times, and so begins one every 16 bytes
+CDR_ITEM = 16
 
 
 class Decoder(Protocol):
@@ -37,16 +39,34 @@ class EventPacket(NamedTuple):
     events: memoryview
 
 
-def image_size(payload: memoryview) -> tuple[int, int]:
+def decoder_of(kind: str, name: str, *, cdr: bool) -> Decoder:
+    """A decoder for one topic's kind of message; `name` is the file's, for errors."""
+    return ArrayDecoder(cdr=cdr) if kind in ARRAYS else PacketDecoder(name, cdr=cdr)
+
+
+def image_size(payload: memoryview, *, cdr: bool) -> tuple[int, int]:
     """(height, width): the first fields after the header in every event message."""
-    height, width = struct.unpack_from("<II", payload, _after_header(payload))
+    fields = MessageFields(payload, cdr=cdr)
+    fields.stamp_ns()
+    height, width = fields.numbers("2I")
     return height, width
 
 
-def array_events(payload: memoryview, expected_us: int = 0) -> Events:
-    """The events of a dvs_msgs/EventArray; their stamps are whole."""
-    at = _after_header(payload) + 12
-    return Events(*decode_dvs_msgs(np.frombuffer(payload[at:], np.uint8)))
+class ArrayDecoder:
+    """Decodes dvs_msgs/EventArray; the stamps of its events are whole."""
+
+    def __init__(self, *, cdr: bool = False) -> None:
+        self._cdr = cdr
+
+    def __call__(self, payload: memoryview, expected_us: int = 0) -> Events:
+        """The events of one message."""
+        fields = MessageFields(payload, cdr=self._cdr)
+        fields.stamp_ns()
+        _, _, count = fields.numbers("3I")
+        raw, item = fields.rest(), CDR_ITEM if self._cdr else ITEM
+        if count and (count - 1) * item + ITEM > len(raw):
+            raise ValueError(f"it ends before its {count} events do")
+        return Events(*decode_dvs_msgs(np.frombuffer(raw, np.uint8), count, item))
 
 
 class PacketDecoder:
@@ -55,8 +75,8 @@ class PacketDecoder:
     EVT3 times are the sensor's own clock; the other encodings are absolute.
     """
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self, name: str, *, cdr: bool = False) -> None:
+        self._name, self._cdr = name, cdr
         self._evt3 = None
 
     def __call__(self, payload: memoryview, expected_us: int = 0) -> Events:
@@ -65,7 +85,7 @@ class PacketDecoder:
         Raises:
             BadFile: another encoding.
         """
-        return self.decoded(packet(payload), expected_us)
+        return self.decoded(packet(payload, cdr=self._cdr), expected_us)
 
     def decoded(self, message: EventPacket, expected_us: int = 0) -> Events:
         """The events of a message that is taken apart already."""
@@ -85,19 +105,15 @@ class PacketDecoder:
         )
 
 
-def packet(payload: memoryview) -> EventPacket:
-    """Take a ROS 1 EventPacket apart, without copying its events."""
-    at = _after_header(payload)
-    height, width, _, base_ns, size = struct.unpack_from("<IIQQI", payload, at)
-    at += 28
-    encoding = bytes(payload[at : at + size]).decode()
-    at += size
-    big_endian, size = struct.unpack_from("<?I", payload, at)
-    if big_endian:
+def packet(payload: memoryview, *, cdr: bool) -> EventPacket:
+    """Take an EventPacket apart, without copying its events."""
+    fields = MessageFields(payload, cdr=cdr)
+    fields.stamp_ns()
+    height, width = fields.numbers("2I")
+    _, base_ns = fields.numbers("2Q")
+    if base_ns >> 62:
+        raise ValueError(f"its times begin at {base_ns} ns")
+    encoding = fields.text()
+    if fields.numbers("B")[0]:
         encoding += " (big-endian)"
-    return EventPacket((height, width), base_ns, encoding, payload[at + 5 : at + 5 + size])
-
-
-def _after_header(payload: memoryview) -> int:
-    """Where the fields after std_msgs/Header begin: seq, stamp (8 bytes), frame_id."""
-    return 16 + struct.unpack_from("<I", payload, 12)[0]
+    return EventPacket((height, width), base_ns, encoding, fields.block())
