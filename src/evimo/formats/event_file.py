@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope
+from evimo.formats.damage import mended
 from evimo.geometry.camera import Camera
 
 
@@ -47,16 +48,6 @@ def camera_of_matrix(matrix: NDArray[np.floating], size: tuple[int, int]) -> Cam
 def no_gyroscope() -> Gyroscope | None:
     """What a recording without a gyroscope says of it."""
     return None
-
-
-@dataclass(frozen=True, slots=True)
-class MarredEvents(Events):
-    """Events of a packet that may be damaged.
-
-    lost: how many events the damage cost, here or just before.
-    """
-
-    lost: int = 0
 
 
 @dataclass(slots=True)
@@ -166,21 +157,13 @@ def fault_parts(faults: Faults, sensor: tuple[int, int]) -> list[str]:
 def tidied(packets: Iterator[Events], sensor: tuple[int, int], faults: Faults) -> Iterator[Events]:
     """Packets on the sensor and sorted, within and across; what was moved or dropped is counted in `faults`."""
     newest = np.iinfo(np.int64).min
-    for packet in _mended(packets, faults):
+    for packet in mended(packets, faults):
         packet = _in_order(_on_sensor(packet, sensor, faults), faults)
         late = int(np.searchsorted(packet.t, newest))
         faults.late += late
         packet = packet.part(late, len(packet))
         if len(packet):
             newest = packet.t[-1]
-            yield packet
-
-
-def _mended(packets: Iterator[Events], faults: Faults) -> Iterator[Events]:
-    """Packets that hold events; those that were lost before them are counted in `faults`."""
-    for packet in packets:
-        faults.damaged += packet.lost if isinstance(packet, MarredEvents) else 0
-        if len(packet):
             yield packet
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.formats.event_file import MarredEvents
+from evimo.formats.damage import MarredEvents
 
 BLOCK_BYTES = 1 << 19  # of the fastest
 LONGEST_BYTES = 1 << 26  # no more is held back for what follows
