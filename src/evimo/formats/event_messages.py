@@ -14,10 +14,11 @@ from evimo.formats.event_message_kernel import (
     decode_mono,
     evt3_state,
 )
+from evimo.formats.libcaer_cmp_kernel import decode_libcaer_cmp
 
 ARRAYS = ("dvs_msgs/EventArray", "prophesee_event_msgs/EventArray")
 PACKETS = ("event_camera_msgs/EventPacket", "event_array_msgs/EventArray")
-ENCODINGS = ("evt3", "mono", "libcaer")
+ENCODINGS = ("evt3", "mono", "libcaer", "libcaer_cmp")
 ITEM = 13  # bytes of an event of an array; CDR aligns its times, and so begins one every 16 bytes
 CDR_ITEM = 16
 
@@ -89,11 +90,13 @@ class PacketDecoder:
 
     def decoded(self, message: EventPacket, expected_us: int = 0) -> Events:
         """The events of a message that is taken apart already."""
-        if message.encoding == "evt3":
+        if message.encoding in ("evt3", "libcaer_cmp"):
+            words = np.frombuffer(message.events[: len(message.events) // 2 * 2], "<u2")
+            if message.encoding == "libcaer_cmp":
+                return Events(*decode_libcaer_cmp(words, message.base_ns))
             if self._evt3 is None:
                 self._evt3 = evt3_state(expected_us)
-            whole = len(message.events) // 2 * 2
-            return Events(*decode_evt3(np.frombuffer(message.events[:whole], "<u2"), self._evt3))
+            return Events(*decode_evt3(words, self._evt3))
         raw = np.frombuffer(message.events, np.uint8)
         if message.encoding == "mono":
             return Events(*decode_mono(raw, message.base_ns))

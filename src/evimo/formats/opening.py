@@ -10,7 +10,7 @@ from evimo.formats.recognition import SUFFIXES, Kind, recognised
 from evimo.formats.time_units import TimeUnit
 
 # What the reader of each kind asks for besides the sensor, as keywords.
-OPTIONS: dict[Kind, set[str]] = {}
+OPTIONS: dict[Kind, set[str]] = {"rosbag1": {"topic"}, "rosbag2": {"topic"}}
 
 
 def open_events(
@@ -59,7 +59,9 @@ def _opener(kind: Kind) -> Callable[..., EventFile]:
         case "event_stream":
             from evimo.formats.event_stream import open_event_stream as opened
         case "rosbag1":
-            from evimo.formats.rosbag1 import open_rosbag1 as opened
+            from evimo.formats.bags import open_rosbag1 as opened
+        case "rosbag2":
+            from evimo.formats.bags import open_rosbag2 as opened
         case _:
             from evimo.formats.text import open_text as opened
     return opened
@@ -81,5 +83,6 @@ def _title(kind: Kind) -> str:
         "aedat4": "an AEDAT 4 recording",
         "event_stream": "an Event Stream",
         "rosbag1": "a ROS 1 bag",
+        "rosbag2": "a ROS 2 bag",
     }
     return titles.get(kind, "text events")
