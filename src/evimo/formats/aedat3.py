@@ -1,14 +1,13 @@
 """AEDAT 3, as cAER and early DV software record it: packets of events, frames and IMU samples."""
 
 import re
-import warnings
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile
 from evimo.events.events import Events
 from evimo.formats.event_file import EventFile
 from evimo.formats.event_record_kernel import KINDS, decode_aedat3

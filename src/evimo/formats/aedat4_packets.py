@@ -154,7 +154,7 @@ def unpacked(raw: bytes, compression: int) -> bytes:
         if compression in (1, 2):
             return lz4.frame.decompress(raw)
         if compression in (3, 4):
-            return _unzstd(raw)
+            return unzstd(raw)
     except Exception as error:  # each library has its own
         raise ValueError("damaged") from error
     if compression:
@@ -162,7 +162,8 @@ def unpacked(raw: bytes, compression: int) -> bytes:
     return raw
 
 
-def _unzstd(raw: bytes) -> bytes:
+def unzstd(raw: bytes) -> bytes:
+    """Bytes after decompression."""
     try:
         from compression import zstd  # type: ignore[import-not-found]  # Python 3.14
     except ImportError:

@@ -5,7 +5,7 @@ from functools import partial
 from evimo.formats.bag_messages import Bag, MessageFields, Topic, topics
 from evimo.formats.bag_topics import DAMAGED
 from evimo.formats.event_file import FoundCamera, found_camera
-from evimo.geometry.calibration import camera_of
+from evimo.geometry.calibration_values import camera_of
 from evimo.geometry.camera import Camera
 
 

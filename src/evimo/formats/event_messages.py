@@ -9,10 +9,11 @@ from evimo.events.events import Events, no_events
 from evimo.formats.bag_messages import MessageFields
 from evimo.formats.event_message_kernel import decode_dvs_msgs, decode_libcaer, decode_mono
 from evimo.formats.evt3_messages import Evt3Messages
+from evimo.formats.libcaer_cmp_kernel import decode_libcaer_cmp
 
 ARRAYS = ("dvs_msgs/EventArray", "prophesee_event_msgs/EventArray")
 PACKETS = ("event_camera_msgs/EventPacket", "event_array_msgs/EventArray")
-ENCODINGS = ("evt3", "mono", "libcaer")
+ENCODINGS = ("evt3", "mono", "libcaer", "libcaer_cmp")
 ITEM = 13  # bytes of an event of an array; CDR aligns its times, and so begins one every 16 bytes
 CDR_ITEM = 16
 
@@ -92,9 +93,11 @@ class PacketDecoder:
 
     def decoded(self, message: EventPacket, expected_us: int = 0) -> Events:
         """The events of a message that is taken apart already."""
-        if message.encoding == "evt3":
-            whole = len(message.events) // 2 * 2
-            return self._evt3(np.frombuffer(message.events[:whole], "<u2"), expected_us)
+        if message.encoding in ("evt3", "libcaer_cmp"):
+            words = np.frombuffer(message.events[: len(message.events) // 2 * 2], "<u2")
+            if message.encoding == "libcaer_cmp":
+                return Events(*decode_libcaer_cmp(words, message.base_ns))
+            return self._evt3(words, expected_us)
         raw = np.frombuffer(message.events, np.uint8)
         if message.encoding == "mono":
             return Events(*decode_mono(raw, message.base_ns))

@@ -10,7 +10,7 @@ from evimo.formats.recognition import SUFFIXES, Kind, recognised
 from evimo.formats.time_units import TimeUnit
 
 # What the reader of each kind asks for besides the sensor, as keywords.
-OPTIONS: dict[Kind, set[str]] = {}
+OPTIONS: dict[Kind, set[str]] = {"rosbag1": {"topic"}, "rosbag2": {"topic"}}
 
 
 def open_events(
@@ -61,7 +61,9 @@ def _opener(kind: Kind) -> Callable[..., EventFile]:
         case "event_stream":
             from evimo.formats.event_stream import open_event_stream as opened
         case "rosbag1":
-            from evimo.formats.rosbag1 import open_rosbag1 as opened
+            from evimo.formats.bags import open_rosbag1 as opened
+        case "rosbag2":
+            from evimo.formats.bags import open_rosbag2 as opened
         case "prophesee_raw":
             from evimo.formats.prophesee_raw import open_prophesee_raw as opened
         case "prophesee_dat":
@@ -88,6 +90,7 @@ def _title(kind: Kind) -> str:
         "aedat4": "an AEDAT 4 recording",
         "event_stream": "an Event Stream",
         "rosbag1": "a ROS 1 bag",
+        "rosbag2": "a ROS 2 bag",
         "prophesee_raw": "a Prophesee RAW recording",
         "prophesee_dat": "a Prophesee DAT recording",
     }

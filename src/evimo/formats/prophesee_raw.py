@@ -16,7 +16,7 @@ from evimo.formats.evt3_kernel import decode_evt3, evt3_state
 from evimo.formats.prophesee_header import Encoding, encoding, head_is_second, header, sample
 from evimo.formats.sensors import assumed_sensor
 from evimo.formats.survey import surveyed
-from evimo.formats.word_file import Place, WordFile
+from evimo.formats.word_file import WordFile
 
 TITLES: dict[Encoding, str] = {"EVT2": "EVT 2.0", "EVT21": "EVT 2.1", "EVT3": "EVT 3.0"}
 

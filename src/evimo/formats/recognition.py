@@ -6,6 +6,7 @@ from typing import Literal
 
 from evimo.errors import BadFile, NotFound
 from evimo.formats.prophesee_header import DAT_MARK, RAW_MARK, encoding_of, header_of, sample
+from evimo.formats.rosbag2 import METADATA, is_folder_of_bag
 
 Kind = Literal[
     "evimo_npz",
@@ -15,6 +16,7 @@ Kind = Literal[
     "aedat4",
     "event_stream",
     "rosbag1",
+    "rosbag2",
     "prophesee_raw",
     "prophesee_dat",
     "text",
@@ -28,6 +30,7 @@ SUFFIXES: dict[Kind, tuple[str, ...]] = {
     "aedat4": (".aedat4",),
     "event_stream": (".es",),
     "rosbag1": (".bag",),
+    "rosbag2": (".db3", ".mcap", ".yaml"),
     "prophesee_raw": (".raw",),
     "prophesee_dat": (".dat",),
     "text": (".txt", ".csv", ".tsv", ".dat", ""),
@@ -39,13 +42,13 @@ STARTS: dict[bytes, Kind] = {
     b"#!AER-DAT4": "aedat4",
     b"Event Stream": "event_stream",
     b"#ROSBAG V2": "rosbag1",
+    b"SQLite format 3": "rosbag2",
+    b"\x89MCAP": "rosbag2",
 }
 # Recognised, and said to be so, until their readers exist.
 NOT_YET = {
     b"#!AER-DAT": ("AEDAT 1", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
     b"\x89HDF": ("HDF5", "write the events as text: one line `t x y p` each"),
-    b"SQLite format 3": ("a ROS 2 bag (db3)", "convert it to a ROS 1 bag: rosbags-convert --src DIR --dst FILE.bag"),
-    b"\x89MCAP": ("a ROS 2 bag (mcap)", "convert it to a ROS 1 bag: rosbags-convert --src DIR --dst FILE.bag"),
     b"\x93NUMPY": ("a single NumPy array", "save it as numpy.savez(FILE.npz, events=…) with columns t x y p"),
 }
 NO_RECORDING = {
@@ -58,7 +61,7 @@ NO_RECORDING = {
 }
 PICKLE = re.compile(rb"\x80[\x02-\x05]|\(dp\d|c\w+\n\w+\n")
 READABLE = (
-    "EV-IMO npz, EVIMO2 folder, text or CSV (t x y p), AEDAT 2, 3 and 4, Event Stream (.es), ROS 1 bag, "
+    "EV-IMO npz, EVIMO2 folder, text or CSV (t x y p), AEDAT 2, 3 and 4, Event Stream (.es), ROS 1 and 2 bags, "
     "Prophesee RAW and DAT"
 )
 
@@ -74,6 +77,8 @@ def recognised(path: Path) -> Kind:
         raise NotFound(f"there is no {path}", fix="check the path")
     if path.is_dir() or (path.name.startswith("dataset_") and (path.parent / "dataset_events_t.npy").exists()):
         return _folder(path if path.is_dir() else path.parent)
+    if path.name == METADATA and is_folder_of_bag(path.parent):
+        return "rosbag2"
     start = _start(path)
     for magic, kind in STARTS.items():
         if start.startswith(magic):
@@ -105,11 +110,11 @@ def _start(path: Path) -> bytes:
 def _folder(path: Path) -> Kind:
     if (path / "dataset_events_t.npy").exists():
         return "evimo2"
-    if (path / "metadata.yaml").exists():
-        what, fix = NOT_YET[b"SQLite format 3"]
-        raise BadFile(f"{path} is {what}, which is not supported yet", fix=fix)
+    if is_folder_of_bag(path):
+        return "rosbag2"
     raise BadFile(
-        f"the folder {path} holds no EVIMO2 recording (dataset_events_t.npy)", fix="give the recording's own file"
+        f"the folder {path} holds no EVIMO2 recording (dataset_events_t.npy) and no ROS 2 bag (metadata.yaml, db3, mcap)",
+        fix="give the recording's own file"
     )
 
 

@@ -13,10 +13,12 @@ from typing import Any, cast
 import yaml
 
 from evimo.errors import BadFile, EvimoError, EvimoWarning
+from evimo.formats.aedat4_packets import unzstd
 from evimo.formats.bag_messages import Connection, Message
 from evimo.formats.mcap_tail import CutMcap, is_cut
 
 MAGICS = {b"SQLite format 3": ".db3", b"\x89MCAP0\r\n": ".mcap"}
+METADATA = "metadata.yaml"
 ZSTD = b"\x28\xb5\x2f\xfd"
 LARGEST_METADATA = 10_000_000  # bytes; it lists topics and files
 
@@ -89,6 +91,7 @@ def open_bag(path: Path) -> Rosbag2:
     Raises:
         BadFile: there is no file of a bag, or one is damaged.
     """
+    path = path.parent if path.name == METADATA else path
     paths, missing = _files(path) if path.is_dir() else ([path], [])
     bag = Rosbag2(path, missing=missing)
     for each in paths:
@@ -104,7 +107,7 @@ def open_bag(path: Path) -> Rosbag2:
 
 def is_folder_of_bag(path: Path) -> bool:
     """Whether a folder holds a bag, with its metadata or without."""
-    return (path / "metadata.yaml").is_file() or any(plugin_of(each) for each in path.glob("*.*"))
+    return (path / METADATA).is_file() or any(plugin_of(each) for each in path.glob("*.*"))
 
 
 def plugin_of(path: Path) -> str | None:
@@ -120,7 +123,7 @@ def plugin_of(path: Path) -> str | None:
 def _files(folder: Path) -> tuple[list[Path], list[str]]:
     """The files of a bag's folder, and the names of those that its metadata lists and that are not there."""
     there = sorted(path for path in folder.glob("*.*") if plugin_of(path))
-    listed = _listed(folder / "metadata.yaml")
+    listed = _listed(folder / METADATA)
     # A file that was compressed as a whole is named with its suffix; once it is unpacked, it lies there without.
     plain = {name.removesuffix(".zstd") for name in listed}
     packed = [path.name for path in folder.glob("*.zstd") if path.with_suffix("") not in there]
@@ -170,7 +173,7 @@ def _opened(path: Path, plugin: str, *, cut: bool) -> Generator[Any]:
     except Exception as error:
         why = str(error).splitlines()[0] if str(error) else type(error).__name__
         fix = "copy it again, or `sqlite3 FILE .recover`" if plugin == ".db3" else "copy it again, or `mcap recover FILE`"
-        raise BadFile(f"{path.name} is damaged ({why[:200]})", fix=fix) from error
+        raise BadFile(f"{path.name} is a damaged ROS 2 bag, {plugin[1:]} ({why[:200]})", fix=fix) from error
     finally:
         if is_open:
             storage.close()
@@ -183,8 +186,4 @@ def _named(connection: Any) -> tuple[str, str]:
 
 def _unpacked(data: bytes) -> bytes:
     """A message that the recorder compressed by itself is known by its start: CDR begins with a zero."""
-    if not data.startswith(ZSTD):
-        return data
-    from rosbags.rosbag2.reader import zstd
-
-    return zstd.decompress(data)
+    return unzstd(data) if data.startswith(ZSTD) else data
