@@ -22,7 +22,8 @@ CLOCK, STEPS, EXPECTED, CLOCK_STATE = 0, 1, 2, 3
 def believed_clocks(values, clock_state, bits, near, final):
     """The whole time of each word, or LOST; UNDECIDED from the first on that must wait for words after the last.
 
-    `bits` is how many a word has, `near` the longest step, in units, that words after it confirm by being close.
+    `bits` is how many a word has, `near` the longest step, in units, that words after it confirm by being close; a
+    step `near` / 16 long needs no more than that they do not speak against it.
     The state is left as it is: the caller advances it by as many words as it uses.
     """
     clocks = np.full(len(values), UNDECIDED, np.int64)
@@ -86,9 +87,9 @@ def confirmed(values, at, clock, bits, near, steps):
             near_ones += 1
         elif back >= 0 and (on < 0 or step < 0):
             against += 1
-    if step == 1 or ahead == 0:
+    if 0 < 16 * step <= near or ahead == 0:
         calm = clock == UNKNOWN or 0 <= step <= near or (step > 0 and steps < STEADY)
-        return near_ones >= against and calm
+        return (near_ones > against or against == 0) and calm
     asked = min(ahead, NEXT)
     if near_ones >= asked - (asked > 2) and near_ones > against:
         return True
@@ -99,12 +100,13 @@ def confirmed(values, at, clock, bits, near, steps):
 def in_order(values, at, bits):
     """Whether the next words, all but one, never go back, however long their steps: a recording with few events."""
     asked = min(len(values) - at - 1, MANY)
-    length = np.ones(asked + 1, np.int64)  # of the longest chain from word `at` to this one
-    longest = 1
+    since = np.empty(asked + 1, np.int64)  # word `at`
+    length = np.zeros(asked + 1, np.int64)  # of the longest chain from word `at` to this one
+    since[0], length[0], longest = 0, 1, 1
     for second in range(1, asked + 1):
-        length[second] = 0
+        since[second] = signed(values[at + second] - values[at], bits)
         for first in range(second):
-            if length[first] > 0 and signed(values[at + second] - values[at + first], bits) >= 0:
+            if length[first] > 0 and since[second] >= since[first]:
                 length[second] = max(length[second], length[first] + 1)
         longest = max(longest, length[second])
     return longest > asked - (asked > 2)
