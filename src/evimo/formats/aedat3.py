@@ -10,7 +10,7 @@ import numpy as np
 from evimo.errors import BadFile
 from evimo.events.events import Events
 from evimo.formats.event_file import EventFile
-from evimo.formats.event_record_kernel import KINDS, decode_aedat3
+from evimo.formats.event_record_kernel import KINDS, UNKNOWN, decode_aedat3
 from evimo.formats.sensors import assumed_sensor
 from evimo.formats.survey import surveyed
 from evimo.formats.word_file import WordFile
@@ -39,12 +39,10 @@ def open_aedat3(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
     """
     length, text = _header(path)
     packing = re.search(r"^#Format: *(\S+)", text, re.MULTILINE)
-    if packing and packing[1].upper() not in ("RAW", "SERIALIZEDTS", "PNGFRAMES"):
+    if packing and packing[1].upper() not in ("RAW", "PNGFRAMES"):
         raise BadFile(f"{path.name} is AEDAT 3 packed as {packing[1]}", fix="record or export it with the format RAW")
-    if packing and "SERIALIZEDTS" in packing[1].upper():
-        raise BadFile(f"{path.name} is AEDAT 3 with serialised times", fix="export it with the format RAW")
     kinds = np.zeros(KINDS, np.int64)
-    start = length, np.zeros(1, np.int64)
+    start = length, np.array([0, UNKNOWN])
     survey = surveyed(path, _packets(path, length, kinds).blocks(start))
     packets = _packets(path, length, np.zeros(KINDS, np.int64))
 

@@ -5,7 +5,7 @@ import numpy as np
 from numba import njit
 
 UNKNOWN = -1
-PACKET_HEADER, POLARITY = 28, 1
+PACKET_HEADER, POLARITY, FRAME, FRAME_HEADER = 28, 1, 2, 36
 KINDS = 16  # kinds of AEDAT 3 packets that are counted
 RECORD_BYTES = (8, 8, 0, 36, 48)  # of special, polarity, frame (any), IMU of 6 and of 9 axes
 LONGEST_BYTES = 1 << 26
@@ -46,13 +46,22 @@ def packet_bytes(raw, at):
     """The length of an AEDAT 3 packet with its header, by the header; 0 where there is none that can be."""
     kind, size, place = raw[at] | np.int64(raw[at + 1]) << 8, number(raw, at + 4), number(raw, at + 8)
     capacity, count, valid = number(raw, at + 16), number(raw, at + 20), number(raw, at + 24)
-    if kind >= KINDS or not valid <= count <= capacity or not 8 <= size <= LONGEST_BYTES or place + 4 > size:
+    if kind >= KINDS or not valid <= count == capacity or not 8 <= size <= LONGEST_BYTES or place + 4 > size:
         return 0
-    if capacity == 0 or capacity * size > LONGEST_BYTES:
+    if count == 0 or count * size > LONGEST_BYTES or (kind == FRAME and size < FRAME_HEADER):
         return 0
     if kind < len(RECORD_BYTES) and RECORD_BYTES[kind] not in (0, size):
         return 0
-    return PACKET_HEADER + capacity * size
+    return PACKET_HEADER + count * size
+
+
+@njit(cache=True, nogil=True)
+def rounds(raw, at, until, before):
+    """How often the times had wrapped, by a packet's header; as before where the next packet does not agree."""
+    told = number(raw, at + 12)
+    if before in (UNKNOWN, told) or until + PACKET_HEADER > len(raw):
+        return told
+    return told if packet_bytes(raw, until) == 0 or number(raw, until + 12) == told else before
 
 
 @njit(cache=True, nogil=True)
@@ -60,7 +69,8 @@ def decode_aedat3(raw, state, final, kinds):
     """The valid polarity events of AEDAT 3 packets (u1); the events of each kind are counted in `kinds`.
 
     A packet's header tells what is in it and how often the events' 31 bits of time had wrapped. Where there is none,
-    the next is sought, and what lies between is lost: eight bytes an event. Returns as `decode_evt2`.
+    the next is sought, and what lies between is lost: eight bytes an event. The state is the bytes of the event that
+    is half lost, and the wraps. Returns as `decode_evt2`.
     """
     most = len(raw) // 8
     x, y = np.empty(most, np.uint16), np.empty(most, np.uint16)
@@ -72,10 +82,11 @@ def decode_aedat3(raw, state, final, kinds):
             at, skipped = at + 1, skipped + 1
             continue
         until = at + length
-        if until > len(raw) and not final:
+        if until + PACKET_HEADER > len(raw) and not final:
             break
         until = min(until, len(raw))
-        kind, round_us = raw[at], number(raw, at + 12) << 31
+        state[1] = rounds(raw, at, until, state[1])
+        kind, round_us = raw[at], state[1] << 31
         kinds[kind] += (until - at - PACKET_HEADER) // number(raw, at + 4)
         if kind == POLARITY:
             for record in range(at + PACKET_HEADER, until - 7, 8):

@@ -30,12 +30,9 @@ ENCODINGS: dict[str, Encoding] = {
 }
 # (height, width) by what old headers tell of the camera, the first that is found in them.
 SENSORS = {"genx320": (320, 320), "gen4": (720, 1280), "imx636": (720, 1280), "imx646": (720, 1280), "gen3": (480, 640)}
-# Kinds of word that each encoding has, the type of its words, and the bits of its TIME HIGH.
-KINDS: dict[Encoding, set[int]] = {
-    "EVT3": {0, 2, 3, 4, 5, 6, 7, 8, 10, 14, 15},
-    "EVT21": {0, 1, 8, 10, 14, 15},
-    "EVT2": {0, 1, 8, 10, 14, 15},
-}
+KINDS = {"EVT3": (0, 2, 3, 4, 5, 6, 7, 8, 10, 14, 15), "EVT2": (0, 1, 8, 10, 14, 15)}  # of words, by encoding
+TIME_LOW, TIME_HIGH = 6, 8
+LONGEST_STEP = {12: 64, 28: 1 << 14}  # of a steady clock, by its bits
 
 
 class Header(NamedTuple):
@@ -111,41 +108,32 @@ def sample(path: Path, offset: int) -> bytes:
 
 
 def encoding_of(raw: bytes) -> Encoding | None:
-    """The encoding whose words these are: all kinds are known to it, and its clock goes on steadily."""
-    for name, kinds in KINDS.items():
-        for kind, clock in _heads(raw, name):
-            highs, known = clock[kind == 8], np.isin(kind, list(kinds)).mean() if len(kind) else 0.0
-            lows_too = name != "EVT3" or bool((kind == 6).any())
-            if len(highs) > 2 and known > 0.99 and lows_too and _steady(highs, 12 if name == "EVT3" else 28):
-                return name
-    return None
+    """The encoding whose words these are: all kinds are known to it, and its clock goes on steadily.
 
-
-def _heads(raw: bytes, name: Encoding) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Kind and upper bits of the clock of each word; of EVT 2.1 by both orders of its halves."""
-    if name == "EVT3":
-        words = np.frombuffer(raw, "<u2", len(raw) // 2).astype(np.int64)
-        return [(words >> 12, words & 0xFFF)]
+    Words of EVT 2.1 are pairs of those of EVT 2.0, of which one tells the kind: only in that half are clocks.
+    """
+    shorts = np.frombuffer(raw, "<u2", len(raw) // 2).astype(np.int64)
+    if (shorts >> 12 == TIME_LOW).any() and _sense(shorts >> 12, shorts & 0xFFF, "EVT3") > 0.95:
+        return "EVT3"
     words = np.frombuffer(raw, "<u4", len(raw) // 8 * 2).astype(np.int64)
-    halves = [words[1::2], words[0::2]] if name == "EVT21" else [words]
-    return [(half >> 28, half & 0xFFFFFFF) for half in halves]
-
-
-def _steady(highs: NDArray[np.int64], bits: int) -> bool:
-    steps = np.diff(highs) & ((1 << bits) - 1)
-    return bool((steps <= 1 << (bits // 2)).mean() > 0.95)
+    kind, clock = words >> 28, words & 0xFFFFFFF
+    by_half = np.bincount(np.flatnonzero(kind == TIME_HIGH) % 2, minlength=2)
+    if 8 * by_half.min() > by_half.sum() and _sense(kind, clock, "EVT2") > 0.95:
+        return "EVT2"
+    return "EVT21" if max(_sense(kind[half::2], clock[half::2], "EVT2") for half in (0, 1)) > 0.95 else None
 
 
 def head_is_second(raw: bytes) -> bool:
     """Whether the half of EVT 2.1 words that tells the kind is the second of the two, as in whole 64-bit words."""
-    scores = [_sense(kind, clock) for kind, clock in _heads(raw, "EVT21")]
-    return scores[0] >= scores[1]
+    words = np.frombuffer(raw, "<u4", len(raw) // 8 * 2).astype(np.int64)
+    kind, clock = words >> 28, words & 0xFFFFFFF
+    return _sense(kind[1::2], clock[1::2], "EVT2") >= _sense(kind[0::2], clock[0::2], "EVT2")
 
 
-def _sense(kind: NDArray[np.int64], clock: NDArray[np.int64]) -> float:
-    """How far these kinds and clocks make sense."""
-    if not len(kind):
+def _sense(kind: NDArray[np.int64], clock: NDArray[np.int64], name: Literal["EVT2", "EVT3"]) -> float:
+    """Which share of these kinds is known, and of these clocks steady, the lower of both; 0 with hardly any clock."""
+    bits = 12 if name == "EVT3" else 28
+    steps = np.diff(clock[kind == TIME_HIGH]) & ((1 << bits) - 1)
+    if len(steps) < 2:
         return 0.0
-    steps = np.diff(clock[kind == 8])
-    steady = float(((steps >= 0) & (steps < 1 << 14)).mean()) if len(steps) else 0.0
-    return float(np.isin(kind, list(KINDS["EVT21"])).mean()) + steady
+    return float(min(np.isin(kind, KINDS[name]).mean(), (steps <= LONGEST_STEP[bits]).mean()))

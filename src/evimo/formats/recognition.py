@@ -124,7 +124,7 @@ def _text_or_prophesee(path: Path, start: bytes) -> Kind:
     lines, body = start[: head.length], start[head.length :]
     if DAT_MARK.search(lines) and (_binary(body) or not body):
         return "prophesee_dat"
-    if RAW_MARK.search(lines) or (head.length and "Version" in head.fields and _binary(body)):
+    if RAW_MARK.search(lines) or ({"format", "Version"} & head.fields.keys() and _binary(body)):
         return "prophesee_raw"
     if not _binary(start):
         return "text"
