@@ -13,7 +13,7 @@ from typing import Any, cast
 import yaml
 
 from evimo.errors import BadFile, EvimoError, EvimoWarning
-from evimo.formats.aedat4_packets import unzstd
+from evimo.formats.zstandard import zstd
 from evimo.formats.bag_messages import Connection, Message
 from evimo.formats.mcap_tail import CutMcap, is_cut
 
@@ -186,4 +186,4 @@ def _named(connection: Any) -> tuple[str, str]:
 
 def _unpacked(data: bytes) -> bytes:
     """A message that the recorder compressed by itself is known by its start: CDR begins with a zero."""
-    return unzstd(data) if data.startswith(ZSTD) else data
+    return zstd().decompress(data) if data.startswith(ZSTD) else data
