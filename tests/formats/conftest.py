@@ -1,5 +1,8 @@
 """Recordings written by other means than the readers', for their tests."""
 
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -32,3 +35,12 @@ def rows(packets):
 @pytest.fixture(name="rows")
 def _rows():
     return rows
+
+
+@pytest.fixture(scope="session")
+def ros2():
+    """The functions of ros2_bags.py, which write bags."""
+    spec = spec_from_file_location("ros2_bags", Path(__file__).with_name("ros2_bags.py"))
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
