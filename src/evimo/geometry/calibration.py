@@ -48,9 +48,7 @@ def load_camera(
         found = described_cameras(path, tree_of(path, text))
     if not found:
         raise BadFile(f"{path}: no camera found in it", fix=f"give {FORMATS}")
-    if camera is not None:
-        return _named(path, found, camera).camera(size)
-    return _fitting(path, found, size=size, topic=topic)
+    return _fitting(path, found if camera is None else [_named(path, found, camera)], size=size, topic=topic)
 
 
 def nearest(topic: str, others: Mapping[str, str]) -> list[str]:
