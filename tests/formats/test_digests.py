@@ -30,7 +30,22 @@ COUNTED = {
     "formats/aedat/dvxplorer_head.aedat4": ((240, 320), 111_954),
     "formats/ros/davis346_1s_dvs_msgs.bag": ((260, 346), 35_525),
     "formats/ros/event_camera_msgs_evt3.bag": ((480, 640), 343_474),
+    "formats/ros/event_camera_msgs_evt3_db3": ((480, 640), 343_474),
+    "formats/ros/event_camera_msgs_mcap": ((260, 346), 571_266),
+    "formats/ros/test_data_evt3_trigger": ((720, 1280), 82_469),
+    "formats/ros/test_data_libcaer_rollover": ((480, 640), 334_331),
+    "formats/ros/test_data_mono_cd": ((480, 640), 100),
     "formats/text/ecd_text/events.txt": ((260, 346), 35_525),
+}
+
+
+# ON events by the tests of the projects that recorded them.
+ON = {
+    "formats/ros/event_camera_msgs_evt3.bag": 125_183,
+    "formats/ros/event_camera_msgs_evt3_db3": 125_183,
+    "formats/ros/event_camera_msgs_mcap": 211_043,
+    "formats/ros/test_data_evt3_trigger": 41_439,
+    "formats/ros/test_data_mono_cd": 50,
 }
 
 
@@ -68,6 +83,20 @@ def test_recordings_have_the_expected_size_and_count(name, shared_data):
     assert (recording.sensor, len(events)) == (sensor, count)
     assert (recording.start_us, recording.stop_us) == (events.t[0], events.t[-1] + 1)
     assert np.all(np.diff(events.t) >= 0) and recording.faults.dropped == 0
+
+
+@pytest.mark.parametrize("name", ON)
+def test_bags_have_the_published_number_of_on_events(name, shared_data):
+    assert sum(int((packet.p > 0).sum()) for packet in open_events(shared_data(name))) == ON[name]
+
+
+def test_the_same_events_in_two_bags_are_the_same(shared_data):
+    one, other = (
+        joined(list(open_events(shared_data(f"formats/ros/event_camera_msgs_evt3{end}")))) for end in (".bag", "_db3")
+    )
+    assert [digest(column) for column in (one.t, one.x, one.y, one.p)] == [
+        digest(column) for column in (other.t, other.x, other.y, other.p)
+    ]
 
 
 @pytest.mark.filterwarnings("ignore::evimo.errors.EvimoWarning")

@@ -113,3 +113,27 @@ def test_a_pause_longer_than_the_evt3_clock_is_counted_by_the_times_of_messages(
     decode = Evt3Messages()
     found = [*(decode(message(t), t + 200) for t in times), decode.rest()]
     assert [t for packet in found for t in packet.t.tolist()] == times
+
+
+def test_libcaer_cmp_words_by_hand():
+    """A message stands for itself: time and column begin anew; the high part of the time sets the low one aside."""
+    stream = evt3_words(
+        (2, 17),  # a column
+        (3, 1 << 11 | 40),  # on at (17, 40), at the base
+        (1, 21),
+        (3, 41),  # off at (17, 41), 21 µs later
+        (2, 18),
+        (4, 1 << 11 | 16),  # on, rows from 16
+        (5, 0b10000001),  # at 16 and 23
+        (5, 0b10),  # the base has moved on by 8: at 25
+        (0, 3),
+        (1, 5),
+        (3, 0),  # off at (18, 0), 3 * 4096 + 5 µs after the base
+        (6, 9),  # a kind that nobody uses
+    )
+    message = EventPacket((48, 64), 7_000_400, "libcaer_cmp", memoryview(stream.astype("<u2").tobytes() + b"odd"[:1]))
+    events = PacketDecoder("x").decoded(message)
+    assert events.x.tolist() == [17, 17, 18, 18, 18, 18]
+    assert events.y.tolist() == [40, 41, 16, 23, 25, 0]
+    assert events.t.tolist() == [7000, 7021, 7021, 7021, 7021, 7000 + 3 * 4096 + 5]
+    assert events.p.tolist() == [1, -1, 1, 1, 1, -1]

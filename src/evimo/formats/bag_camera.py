@@ -5,6 +5,7 @@ from functools import partial
 from evimo.formats.bag_messages import Bag, MessageFields, Topic, topics
 from evimo.formats.bag_topics import DAMAGED
 from evimo.formats.event_file import FoundCamera, found_camera
+from evimo.geometry.calibration import nearest
 from evimo.geometry.calibration_values import camera_of
 from evimo.geometry.camera import Camera
 
@@ -12,7 +13,7 @@ from evimo.geometry.camera import Camera
 def bag_camera(bag: Bag, events: Topic, size: tuple[int, int]) -> FoundCamera | None:
     """The intrinsics of a CameraInfo of that size beside the events.
 
-    One of the events' own namespace goes first; where there is none, and those of others differ, none is taken: which
+    The topic nearest to that of the events goes first; where several are as near and differ, none is taken: which
     camera is theirs nobody knows.
     """
     found: dict[str, FoundCamera] = {}
@@ -23,11 +24,10 @@ def bag_camera(bag: Bag, events: Topic, size: tuple[int, int]) -> FoundCamera | 
         numbers = partial(camera_info, message.payload, cdr=bag.cdr)
         one = found_camera(numbers, f"{topic.name} in the bag")
         if one and one.camera.size == size:
-            found.setdefault(topic.namespace, one)
-    if events.namespace in found:
-        return found[events.namespace]
-    differing = {one.camera for one in found.values()}
-    return next(iter(found.values())) if len(differing) == 1 else None
+            found[topic.name] = one
+    near = nearest(events.name, {name: name for name in found}) or list(found)
+    cameras = {found[name].camera for name in near}
+    return found[near[0]] if len(cameras) == 1 else None
 
 
 def camera_info(payload: memoryview, *, cdr: bool) -> Camera | None:

@@ -31,7 +31,7 @@ def bag_gyroscope(bag: Bag, events: Topic, clock: Callable[[int], int]) -> Gyros
     found = topics(bag, (IMU,))
     if not found:
         return None
-    chosen = max(found, key=lambda topic: (topic.namespace == events.namespace, topic.count))
+    chosen = max(found, key=lambda topic: (topic.namespace == events.namespace, topic.messages))
     samples: list[ImuSample] = []
     for message in bag.messages(chosen.connections):
         try:

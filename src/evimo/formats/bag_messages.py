@@ -13,7 +13,7 @@ class Connection(NamedTuple):
 
     topic: str
     kind: str
-    count: int
+    messages: int
 
 
 class Message(NamedTuple):
@@ -61,7 +61,7 @@ class Topic(NamedTuple):
     name: str
     kind: str
     connections: frozenset[int]
-    count: int
+    messages: int
 
     @property
     def namespace(self) -> str:
@@ -73,11 +73,11 @@ def topics(bag: Bag, kinds: Container[str] | None = None) -> list[Topic]:
     """The topics of a bag that hold messages, of the kinds or of all, by name."""
     found: dict[tuple[str, str], list[int]] = {}
     connections = bag.connections
-    for number, (name, kind, count) in connections.items():
-        if count and (kinds is None or kind in kinds):
+    for number, (name, kind, messages) in connections.items():
+        if messages and (kinds is None or kind in kinds):
             found.setdefault((name, kind), []).append(number)
     return [
-        Topic(name, kind, frozenset(numbers), sum(connections[number].count for number in numbers))
+        Topic(name, kind, frozenset(numbers), sum(connections[number].messages for number in numbers))
         for (name, kind), numbers in sorted(found.items())
     ]
 
@@ -85,8 +85,8 @@ def topics(bag: Bag, kinds: Container[str] | None = None) -> list[Topic]:
 class MessageFields:
     """The fields of one serialised message, read in order.
 
-    ROS 1 packs them; ROS 2 (`cdr`) puts a number of n bytes at a multiple of n, counted from after its first four bytes.
-    What is not all there raises struct.error or ValueError.
+    ROS 1 packs them; ROS 2 (`cdr`) puts a number of n bytes at a multiple of n, counted from after the first four
+    bytes. What is not all there raises struct.error or ValueError.
     """
 
     def __init__(self, payload: memoryview, *, cdr: bool) -> None:

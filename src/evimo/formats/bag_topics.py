@@ -122,8 +122,8 @@ def event_topic(bag: Bag, name: str | None) -> EventTopic:
         )
     if name is not None:
         return EventTopic(bag, _named(bag, found, name))
-    most = max(topic.count for topic in found)
-    chosen = next(topic for topic in found if 2 * topic.count >= most)
+    most = max(topic.messages for topic in found)
+    chosen = next(topic for topic in found if 2 * topic.messages >= most)
     if others := [topic.name for topic in found if topic is not chosen]:
         text = (
             f"{bag.path.name} has {len(found)} topics with events: {chosen.name} is read, not {', '.join(others)}; "
@@ -137,5 +137,5 @@ def _named(bag: Bag, found: list[Topic], name: str) -> Topic:
     for topic in found:
         if topic.name.strip("/") == name.strip("/"):
             return topic
-    listed = ", ".join(f"{topic.name} ({topic.count:,} messages)" for topic in found)
+    listed = ", ".join(f"{topic.name} ({topic.messages:,} messages)" for topic in found)
     raise NotFound(f"{bag.path.name} has no events on the topic {name}", fix=f"one of: {listed}")

@@ -69,5 +69,5 @@ def _contents(bag: Bag) -> dict[str, str]:
         kind = topic.kind.rpartition("/")[2]
         words = next((words for words, kinds in CONTENTS.items() if kind in kinds), "other")
         words = "event topics" if topic.kind in ARRAYS + PACKETS else words
-        contents.setdefault(words, []).append(f"{topic.name} ({topic.count:,})")
+        contents.setdefault(words, []).append(f"{topic.name} ({topic.messages:,})")
     return {words: ", ".join(names) for words, names in contents.items()}

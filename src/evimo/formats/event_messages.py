@@ -1,4 +1,4 @@
-"""ROS event messages to events, as ROS 1 and ROS 2 serialise them: dvs_msgs/EventArray, event_camera_msgs/EventPacket."""
+"""Event messages of ROS 1 and ROS 2 to events: dvs_msgs/EventArray and event_camera_msgs/EventPacket."""
 
 from typing import NamedTuple, Protocol
 

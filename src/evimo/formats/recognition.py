@@ -152,8 +152,8 @@ def _folder(path: Path) -> Kind:
     if is_folder_of_bag(path):
         return "rosbag2"
     raise BadFile(
-        f"the folder {path} holds no EVIMO2 recording (dataset_events_t.npy) and no ROS 2 bag (metadata.yaml, db3, mcap)",
-        fix="give the recording's own file"
+        f"the folder {path} holds no EVIMO2 recording (dataset_events_t.npy) and no ROS 2 bag (db3, mcap)",
+        fix="give the recording's own file",
     )
 
 

@@ -31,7 +31,11 @@ class ChunkPlace:
 
 @dataclass(slots=True)
 class Rosbag1:
-    """A ROS 1 bag: its publishers (topic and kind) and chunks; cut_short where they had to be found without the index."""
+    """A ROS 1 bag.
+
+    publishers: topic and kind of each connection.
+    cut_short:  whether the chunks had to be found without the index.
+    """
 
     path: Path
     publishers: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])

@@ -48,9 +48,7 @@ def load_camera(
         found = described_cameras(path, tree_of(path, text))
     if not found:
         raise BadFile(f"{path}: no camera found in it", fix=f"give {FORMATS}")
-    if camera is not None:
-        return _named(path, found, camera).camera(size)
-    return _fitting(path, found, size=size, topic=topic)
+    return _fitting(path, found if camera is None else [_named(path, found, camera)], size=size, topic=topic)
 
 
 def nearest(topic: str, others: Mapping[str, str]) -> list[str]:
@@ -89,12 +87,23 @@ def _fitting(path: Path, found: Sequence[Described], *, size: Size | None, topic
     if not fitting:
         held = ", ".join(dict.fromkeys(f"{each.size[1]}x{each.size[0]}" for each in found if each.size))
         wanted = f"{size[1]}x{size[0]}" if size else ""
-        raise BadInput(f"{path}: calibrated for {held}, but the sensor is {wanted}", fix="the calibration of this sensor")
+        raise BadInput(
+            f"{path}: calibrated for {held}, but the sensor is {wanted}", fix="the calibration of this sensor"
+        )
     fitting = _of_topic(_as_recorded(fitting), topic)
-    cameras = [each.camera(size) for each in fitting] if len(fitting) > 1 else [fitting[0].camera(size)]
-    if any(other != cameras[0] for other in cameras):
-        raise BadInput(f"{path}: {len(fitting)} of its cameras fit: {_listed(fitting)}", fix="--camera NAME, one of them")
-    return cameras[0]
+    if len(fitting) > 1 and len({_built(each, size) for each in fitting}) > 1:
+        raise BadInput(
+            f"{path}: {len(fitting)} of its cameras fit: {_listed(fitting)}", fix="--camera NAME, one of them"
+        )
+    return fitting[0].camera(size)
+
+
+def _built(described: Described, size: Size | None) -> Camera | str:
+    """The camera, or why it is none."""
+    try:
+        return described.camera(size)
+    except (BadFile, BadInput) as error:
+        return error.problem
 
 
 def _as_recorded(found: list[Described]) -> list[Described]:
@@ -123,7 +132,8 @@ def _of_numbers(path: Path, numbers: list[float]) -> Described:
     """A text of numbers alone: the last two of four coefficients are p1 p2, as EV-IMO's maintainer says of its own."""
     if len(numbers) not in COUNTS:
         raise BadFile(
-            f"{path}: {len(numbers)} numbers are no calibration", fix=f"one of: {'; '.join(COUNTS.values())}; or {FORMATS}"
+            f"{path}: {len(numbers)} numbers are no calibration",
+            fix=f"one of: {'; '.join(COUNTS.values())}; or {FORMATS}",
         )
     is_matrix = len(numbers) == 9 and numbers[6:] == [0, 0, 1] and numbers[1] == numbers[3] == 0
     matrix, distortion = (numbers, []) if is_matrix else (numbers[:4], numbers[4:])

@@ -1,4 +1,4 @@
-"""Calibration files as trees of mappings, lists and words, whether they are YAML, JSON or XML. Nothing in them is run."""
+"""Calibration files as trees of mappings, lists and words, be they YAML, JSON or XML. Nothing in them is run."""
 
 import json
 import re

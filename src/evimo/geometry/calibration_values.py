@@ -216,9 +216,7 @@ def _basalt(path: Path, branch: Tree, cameras: list[Any]) -> list[Described]:
         width, height = sizes(path, pair)
         distortion = [inner[name] for name in names if name in inner] if kind != "pinhole" else []
         lens = {"kb4": "kb4", "pinhole": "none", "pinhole-radtan8": "radtan"}.get(kind, kind)
-        found.append(
-            Described(path, (f"cam{number}",), inner, size=(height, width), distortion=distortion, lens=lens)
-        )
+        found.append(Described(path, (f"cam{number}",), inner, size=(height, width), distortion=distortion, lens=lens))
     return found
 
 
@@ -251,7 +249,7 @@ def is_number(value: Any) -> bool:
 
 
 def numbers(where: str, value: Any) -> list[float]:
-    """A flat list of finite numbers, from a list, a list of rows, OpenCV's mapping with data, or fx fy cx cy by name."""
+    """A flat list of finite numbers: of a list, a list of rows, OpenCV's mapping with data, or fx fy cx cy by name."""
     if isinstance(value, dict):
         tree = cast("Tree", value)
         value = tree.get("data") if "data" in tree else [tree.get(name) for name in ("fx", "fy", "cx", "cy")]
