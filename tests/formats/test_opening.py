@@ -79,9 +79,6 @@ def test_folders_without_a_recording(tmp_path):
 @pytest.mark.parametrize(
     "name, words",
     [
-        ("formats/prophesee/evt2.raw", "Prophesee"),
-        ("formats/prophesee/evt3.raw", "Prophesee recording .evt 3.0"),
-        ("formats/prophesee/sample_ncars.dat", "Prophesee"),
         ("formats/prophesee/evt3_sample.npy", "NumPy array"),
         ("formats/hdf5/davis346_1s_dsec_style.h5", "HDF5"),
     ],

@@ -98,7 +98,7 @@ def decode_evt3(words, state, final):
     x, y = np.empty(most + 1, np.uint16), np.empty(most + 1, np.uint16)
     t, p = np.empty(most + 1, np.int64), np.empty(most + 1, np.int8)
     tally = np.zeros(TALLY_SIZE, np.int64)
-    decode_words(words[:stop], clocks, state, tally, (x, y, t, p), words)
+    decode_words(words, stop, clocks, state, tally, (x, y, t, p))
     if 0 < stop < len(words) and not final and words[stop] & 0xFFF < state[TOP]:
         low = lower(np.int64(words[stop] & 0xFFF), next_low(words, stop), state[TOP], state[BEFORE])
         if low[3]:
@@ -117,14 +117,14 @@ def undo(tally):
 
 
 @njit(cache=True, nogil=True)
-def decode_words(words, clocks, state, tally, columns, more):
-    """The events of words whose clocks are told; `more` are the same words and those that follow."""
+def decode_words(words, stop, clocks, state, tally, columns):
+    """The events of the words before number `stop`; those after it are looked at where times go back."""
     x, y, t, p = columns
     low, top, before, sound = state[LOW], state[TOP], state[BEFORE], state[SOUND]
     row, base, polarity = state[ROW], state[BASE], state[POLARITY]
     count, gone, mark, high, number = 0, 0, 0, state[CLOCK] << BITS, 0
     kept, missed, now = standing(sound, high, low)
-    for place in range(len(words)):
+    for place in range(stop):
         kind, value = np.int64(words[place] >> 12), np.int64(words[place] & 0xFFF)
         if kind == 2:
             x[count], y[count], t[count], p[count] = value & 0x7FF, row, now, 2 * (value >> 11) - 1
@@ -137,20 +137,17 @@ def decode_words(words, clocks, state, tally, columns, more):
                 count, gone, value = count + kept, gone + missed, value & (value - 1)
             base += 4 * (7 - kind)  # by 12 pixels, or by 8
         elif kind == 6:
-            undone = False
             if value >= top:
                 low, before, top = value, top, value
             else:
-                low, top, before, undone = lower(value, next_low(more, place), top, before)
-            if undone:
-                gone, count = gone + count - mark, mark
+                low, top, before, undone = lower(value, next_low(words, place), top, before)
+                count, gone = (mark, gone + count - mark) if undone else (count, gone)
             mark = count
             kept, missed, now = standing(sound, high, low)
         elif kind == 8:
             clock, number = clocks[number], number + 1
-            if sound == NONE_YET:
-                low = top = before = UNKNOWN
-            if clock != LOST and clock << BITS != high:
+            low = UNKNOWN if sound == NONE_YET else low
+            if sound == NONE_YET or (clock != LOST and clock << BITS != high):
                 high, top, before, mark = clock << BITS, UNKNOWN, UNKNOWN, count
             sound = BAD if clock == LOST else GOOD
             kept, missed, now = standing(sound, high, low)

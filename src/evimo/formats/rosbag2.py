@@ -11,10 +11,10 @@ from typing import Any, cast
 import yaml
 
 from evimo.errors import BadFile
-from evimo.formats.zstandard import zstd
 from evimo.formats.bag_messages import Connection, Message
 from evimo.formats.rosbag2_db3 import Db3File, open_db3
 from evimo.formats.rosbag2_mcap import McapFile, open_mcap
+from evimo.formats.zstandard import zstd
 
 OPENERS: dict[bytes, tuple[str, Callable[[Path], Db3File | McapFile]]] = {
     b"SQLite format 3": ("db3", open_db3),
