@@ -89,3 +89,14 @@ def test_a_real_file(shared_data):
     assert events.x.tolist() == [a & 0x3FFF for _, a in stored]
     assert events.y.tolist() == [a >> 14 & 0x3FFF for _, a in stored]
     assert np.array_equal(events.p > 0, [a >> 28 == 1 for _, a in stored])
+
+
+@pytest.mark.parametrize("at", [0, 1, 500, 999])
+def test_a_damaged_time_costs_its_own_event(tmp_path, events, at):
+    path = written(tmp_path / "a.dat", events)
+    raw = bytearray(path.read_bytes())
+    raw[-8 * (1000 - at) + 3] ^= 0x80
+    path.write_bytes(raw)
+    with pytest.warns(EvimoWarning, match="1 events"):
+        found = joined(list(open_events(path)))
+    assert found.t.tolist() == np.delete(events.t, at).tolist()
