@@ -12,6 +12,8 @@ from evimo.formats import open_events
 DIGESTED = {
     "es-dvs": "formats/event_stream/dvs.es",
     "aedat4": "recordings/davis346_road/davis346.aedat4",
+    "evt2": "formats/prophesee/evt2.raw",
+    "evt3": "formats/prophesee/evt3.raw",
 }
 COUNTED = {
     "formats/event_stream/dvs.es": ((240, 320), 473_225),
@@ -21,6 +23,10 @@ COUNTED = {
     "recordings/davis240_poster/poster_translation.npz": ((180, 240), 100_000),
     "recordings/davis240_boxes_imu/IMU_translBoxes.aedat": ((180, 240), 162_771),
     "formats/aedat/aedat2_dvs128_dark_box.aedat": ((128, 128), 489_834),
+    "formats/prophesee/evt2.raw": ((480, 640), 521_252),
+    "formats/prophesee/evt3.raw": ((720, 1280), 1_218_618),
+    "formats/prophesee/evt3_sample.raw": ((720, 1280), 219_596),
+    "formats/prophesee/sample_ncars.dat": ((128, 128), 2_009),
     "formats/aedat/dvxplorer_head.aedat4": ((240, 320), 111_954),
     "formats/ros/davis346_1s_dvs_msgs.bag": ((260, 346), 35_525),
     "formats/ros/event_camera_msgs_evt3.bag": ((480, 640), 343_474),
@@ -56,6 +62,16 @@ def test_columns_have_the_expected_digests(name, shared_data):
     events = joined(list(open_events(shared_data(DIGESTED[name]))))
     columns = {"t": events.t.astype("<u8"), "x": events.x, "y": events.y, "on": events.p > 0}
     assert {field: digest(column) for field, column in columns.items()} == {field: expected[field] for field in columns}
+
+
+def test_evt3_is_as_its_reference_decode_but_for_its_wrong_times(shared_data):
+    """The reference takes each step back of the lower bits, 11 of at most 11 us, for a missing TIME HIGH of 4096 us."""
+    reference = np.load(shared_data("formats/prophesee/evt3_sample.npy"))
+    events = joined(list(open_events(shared_data("formats/prophesee/evt3_sample.raw"))))
+    assert np.array_equal(events.x, reference["x"]) and np.array_equal(events.y, reference["y"])
+    assert np.array_equal(events.p > 0, reference["p"] > 0)
+    too_late = reference["t"] - events.t
+    assert np.all(too_late % 4096 == 0) and too_late.max() == 11 * 4096
 
 
 @pytest.mark.filterwarnings("ignore::evimo.errors.EvimoWarning")

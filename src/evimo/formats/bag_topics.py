@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from evimo.errors import BadFile, EvimoWarning, NotFound
 from evimo.events.events import Events, joined
 from evimo.formats.bag_messages import SECOND_NS, Bag, Message, Topic, topics
+from evimo.formats.damage import marred
 from evimo.formats.event_messages import ARRAYS, PACKETS, Decoder, decoder_of, image_size
 from evimo.formats.survey import no_events_in
 
@@ -45,9 +46,9 @@ class EventTopic:
         Raises:
             BadFile: none has.
         """
-        decode = self.decoder()
         for message in self.bag.messages(self.topic.connections):
-            if len(events := self._decoded(decode, message, 0)):
+            decode = self.decoder()
+            if len(events := joined([self._decoded(decode, message, 0), decode.rest()])):
                 return replace(self, clocks_us=(message.time_ns // 1000, int(events.t.max())))
         raise no_events_in(self.bag.path)
 
@@ -70,10 +71,9 @@ class EventTopic:
             waiting.append(self._decoded(decode, message, self.expected_us(message.time_ns)))
             size += len(message.payload)
             if size >= PACKET_BYTES:
-                yield joined(waiting)
+                yield marred(waiting)
                 waiting, size = [], 0
-        if waiting:
-            yield joined(waiting)
+        yield marred([*waiting, decode.rest()])
 
     def read(self, start_us: int) -> Iterator[Events]:
         """Packets from a place on before which all was recorded before start_us."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope
+from evimo.formats.damage import mended
 from evimo.geometry.camera import Camera
 
 
@@ -56,16 +57,18 @@ class Faults:
     out_of_order: came after a later event of the same packet, and were sorted into place.
     late:         older than a packet already given, dropped.
     outside:      not on the sensor, dropped.
+    damaged:      lost between a damaged word and the next that can be trusted.
     """
 
     out_of_order: int = 0
     late: int = 0
     outside: int = 0
+    damaged: int = 0
 
     @property
     def dropped(self) -> int:
         """Events left out."""
-        return self.late + self.outside
+        return self.late + self.outside + self.damaged
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -146,6 +149,7 @@ def fault_parts(faults: Faults, sensor: tuple[int, int]) -> list[str]:
         f"{faults.out_of_order:,} events were out of order and sorted": faults.out_of_order,
         f"{faults.late:,} events older than the packet before them were dropped": faults.late,
         f"{faults.outside:,} events outside the {width}x{height} sensor were dropped": faults.outside,
+        f"{faults.damaged:,} events beside damaged words are lost": faults.damaged,
     }
     return [words for words, count in parts.items() if count]
 
@@ -153,7 +157,7 @@ def fault_parts(faults: Faults, sensor: tuple[int, int]) -> list[str]:
 def tidied(packets: Iterator[Events], sensor: tuple[int, int], faults: Faults) -> Iterator[Events]:
     """Packets on the sensor and sorted, within and across; what was moved or dropped is counted in `faults`."""
     newest = np.iinfo(np.int64).min
-    for packet in filter(len, packets):
+    for packet in mended(packets, faults):
         packet = _in_order(_on_sensor(packet, sensor, faults), faults)
         late = int(np.searchsorted(packet.t, newest))
         faults.late += late

@@ -5,15 +5,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from evimo.errors import BadFile
-from evimo.events.events import Events
+from evimo.events.events import Events, no_events
 from evimo.formats.bag_messages import MessageFields
-from evimo.formats.event_message_kernel import (
-    decode_dvs_msgs,
-    decode_evt3,
-    decode_libcaer,
-    decode_mono,
-    evt3_state,
-)
+from evimo.formats.event_message_kernel import decode_dvs_msgs, decode_libcaer, decode_mono
+from evimo.formats.evt3_messages import Evt3Messages
 from evimo.formats.libcaer_cmp_kernel import decode_libcaer_cmp
 
 ARRAYS = ("dvs_msgs/EventArray", "prophesee_event_msgs/EventArray")
@@ -27,7 +22,11 @@ class Decoder(Protocol):
     """Decodes the messages of one topic in order."""
 
     def __call__(self, payload: memoryview, expected_us: int) -> Events:
-        """The events of a message; expected_us is about the time of the last, for clocks that wrap."""
+        """The events of a message, but those that must wait; expected_us is about the time of the last, 0 if unknown."""
+        ...
+
+    def rest(self) -> Events:
+        """The events that still wait, after the last message."""
         ...
 
 
@@ -69,16 +68,20 @@ class ArrayDecoder:
             raise ValueError(f"it ends before its {count} events do")
         return Events(*decode_dvs_msgs(np.frombuffer(raw, np.uint8), count, item))
 
+    def rest(self) -> Events:
+        """None ever wait."""
+        return no_events()
+
 
 class PacketDecoder:
-    """Decodes event_camera_msgs/EventPacket; EVT3 carries its state from one message to the next.
+    """Decodes event_camera_msgs/EventPacket; of EVT3, the last words of a message wait for those of the next.
 
     EVT3 times are the sensor's own clock; the other encodings are absolute.
     """
 
     def __init__(self, name: str, *, cdr: bool = False) -> None:
         self._name, self._cdr = name, cdr
-        self._evt3 = None
+        self._evt3 = Evt3Messages()
 
     def __call__(self, payload: memoryview, expected_us: int = 0) -> Events:
         """The events of one message.
@@ -94,9 +97,7 @@ class PacketDecoder:
             words = np.frombuffer(message.events[: len(message.events) // 2 * 2], "<u2")
             if message.encoding == "libcaer_cmp":
                 return Events(*decode_libcaer_cmp(words, message.base_ns))
-            if self._evt3 is None:
-                self._evt3 = evt3_state(expected_us)
-            return Events(*decode_evt3(words, self._evt3))
+            return self._evt3(words, expected_us)
         raw = np.frombuffer(message.events, np.uint8)
         if message.encoding == "mono":
             return Events(*decode_mono(raw, message.base_ns))
@@ -106,6 +107,10 @@ class PacketDecoder:
             f"{self._name}: event messages in the encoding {message.encoding!r} are not supported yet",
             fix=f"record with one of: {', '.join(ENCODINGS)}",
         )
+
+    def rest(self) -> Events:
+        """The events that still wait, after the last message."""
+        return self._evt3.rest()
 
 
 def packet(payload: memoryview, *, cdr: bool) -> EventPacket:

@@ -54,6 +54,8 @@ def _opener(kind: Kind) -> Callable[..., EventFile]:
             from evimo.formats.evimo2 import open_evimo2 as opened
         case "aedat2":
             from evimo.formats.aedat2 import open_aedat2 as opened
+        case "aedat3":
+            from evimo.formats.aedat3 import open_aedat3 as opened
         case "aedat4":
             from evimo.formats.aedat4 import open_aedat4 as opened
         case "event_stream":
@@ -62,6 +64,10 @@ def _opener(kind: Kind) -> Callable[..., EventFile]:
             from evimo.formats.bags import open_rosbag1 as opened
         case "rosbag2":
             from evimo.formats.bags import open_rosbag2 as opened
+        case "prophesee_raw":
+            from evimo.formats.prophesee_raw import open_prophesee_raw as opened
+        case "prophesee_dat":
+            from evimo.formats.prophesee_dat import open_prophesee_dat as opened
         case _:
             from evimo.formats.text import open_text as opened
     return opened
@@ -80,9 +86,12 @@ def _title(kind: Kind) -> str:
     titles = {
         "evimo_npz": "a NumPy archive",
         "aedat2": "an AEDAT 2 recording",
+        "aedat3": "an AEDAT 3 recording",
         "aedat4": "an AEDAT 4 recording",
         "event_stream": "an Event Stream",
         "rosbag1": "a ROS 1 bag",
         "rosbag2": "a ROS 2 bag",
+        "prophesee_raw": "a Prophesee RAW recording",
+        "prophesee_dat": "a Prophesee DAT recording",
     }
     return titles.get(kind, "text events")

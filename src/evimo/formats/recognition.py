@@ -5,23 +5,40 @@ from pathlib import Path
 from typing import Literal
 
 from evimo.errors import BadFile, NotFound
+from evimo.formats.prophesee_header import DAT_MARK, RAW_MARK, encoding_of, header_of, sample
 from evimo.formats.rosbag2 import METADATA, is_folder_of_bag
 
-Kind = Literal["evimo_npz", "evimo2", "aedat2", "aedat4", "event_stream", "rosbag1", "rosbag2", "text"]
+Kind = Literal[
+    "evimo_npz",
+    "evimo2",
+    "aedat2",
+    "aedat3",
+    "aedat4",
+    "event_stream",
+    "rosbag1",
+    "rosbag2",
+    "prophesee_raw",
+    "prophesee_dat",
+    "text",
+]
 
 SUFFIXES: dict[Kind, tuple[str, ...]] = {
     "evimo_npz": (".npz",),
     "evimo2": (".npy", ".json", ".npz"),
     "aedat2": (".aedat", ".aedat2", ".dat"),
+    "aedat3": (".aedat", ".aedat3"),
     "aedat4": (".aedat4",),
     "event_stream": (".es",),
     "rosbag1": (".bag",),
     "rosbag2": (".db3", ".mcap", ".yaml"),
+    "prophesee_raw": (".raw",),
+    "prophesee_dat": (".dat",),
     "text": (".txt", ".csv", ".tsv", ".dat", ""),
 }
 STARTS: dict[bytes, Kind] = {
     b"PK\x03\x04": "evimo_npz",
     b"#!AER-DAT2": "aedat2",
+    b"#!AER-DAT3": "aedat3",
     b"#!AER-DAT4": "aedat4",
     b"Event Stream": "event_stream",
     b"#ROSBAG V2": "rosbag1",
@@ -30,7 +47,7 @@ STARTS: dict[bytes, Kind] = {
 }
 # Recognised, and said to be so, until their readers exist.
 NOT_YET = {
-    b"#!AER-DAT": ("AEDAT 1 or 3", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
+    b"#!AER-DAT": ("AEDAT 1", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
     b"\x89HDF": ("HDF5", "write the events as text: one line `t x y p` each"),
     b"\x93NUMPY": ("a single NumPy array", "save it as numpy.savez(FILE.npz, events=…) with columns t x y p"),
 }
@@ -43,7 +60,10 @@ NO_RECORDING = {
     b"\xff\xd8\xff": ("a picture", "give an event recording"),
 }
 PICKLE = re.compile(rb"\x80[\x02-\x05]|\(dp\d|c\w+\n\w+\n")
-READABLE = "EV-IMO npz, EVIMO2 folder, text or CSV (t x y p), AEDAT 2 and 4, Event Stream (.es), ROS 1 and 2 bags"
+READABLE = (
+    "EV-IMO npz, EVIMO2 folder, text or CSV (t x y p), AEDAT 2, 3 and 4, Event Stream (.es), ROS 1 and 2 bags, "
+    "Prophesee RAW and DAT"
+)
 
 
 def recognised(path: Path) -> Kind:
@@ -99,20 +119,20 @@ def _folder(path: Path) -> Kind:
 
 
 def _text_or_prophesee(path: Path, start: bytes) -> Kind:
-    """Prophesee's files open with lines of `% key value` before bytes; text may open with such comments too."""
-    body = re.sub(rb"\A(%[^\n]*\n)+", b"", start)
-    if re.match(rb"% .*(Version|[Dd]ate|evt|format|geometry|Data file)", start) and _binary(body):
-        version = re.search(rb"evt (\d\.\d)|format (EVT\d+)|Event2dE|Event2d", start)
-        what = version[0].decode() if version else "EVT 2"
-        raise BadFile(
-            f"{path.name} is a Prophesee recording ({what}), which is not supported yet",
-            fix="export it as CSV (t x y p, whole µs) or as an event_camera_msgs bag",
-        )
-    if _binary(start):
-        raise BadFile(
-            f"{path.name} is no event recording: its content is of no known format", fix=f"give one of: {READABLE}"
-        )
-    return "text"
+    """Prophesee's files open with lines of `% key value` before bytes, or with none; text may open with such too."""
+    head = header_of(start)
+    lines, body = start[: head.length], start[head.length :]
+    if DAT_MARK.search(lines) and (_binary(body) or not body):
+        return "prophesee_dat"
+    if RAW_MARK.search(lines) or ({"format", "Version"} & head.fields.keys() and _binary(body)):
+        return "prophesee_raw"
+    if not _binary(start):
+        return "text"
+    if encoding_of(sample(path, head.length)):
+        return "prophesee_raw"
+    raise BadFile(
+        f"{path.name} is no event recording: its content is of no known format", fix=f"give one of: {READABLE}"
+    )
 
 
 def _binary(start: bytes) -> bool:
