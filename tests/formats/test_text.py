@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.formats import open_events, text
+from evimo.formats import open_events, text_source
 
 SIZE = (48, 64)
 QUIET = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -65,9 +65,7 @@ def test_every_microsecond_survives(tmp_path, drawn, unit):
             for t, x, y, on in [*drawn, drawn[-1]]
         ),
     )
-    if unit == "exponent" and all(t % 10**6 == 0 for t, *_ in drawn):
-        return  # whole numbers: µs, as they should be
-    (packet,) = open_events(path, sensor=SIZE)
+    (packet,) = open_events(path, sensor=SIZE, time_unit="us" if unit == "us" else "s")
     assert packet.t.tolist()[:-1] == [t for t, *_ in drawn]
     assert packet.x.tolist()[:-1] == [x for _, x, *_ in drawn]
     assert packet.p.tolist()[:-1] == [2 * on - 1 for *_, on in drawn]
@@ -76,14 +74,14 @@ def test_every_microsecond_survives(tmp_path, drawn, unit):
 def test_blocks_of_any_size_give_the_same(tmp_path, events, rows, monkeypatch):
     path = written(tmp_path / "a.txt", listed(events, "{s:.6f} {x} {y} {p}"))
     for size in (64, 1000):
-        monkeypatch.setattr(text, "BLOCK_BYTES", size)
+        monkeypatch.setattr(text_source, "BLOCK_BYTES", size)
         opened = open_events(path, sensor=SIZE)
         assert rows(opened) == rows([events])
         assert rows(opened.packets(70_000, 130_000)) == rows([events.between(70_000, 130_000)])
 
 
 def test_a_fraction_anywhere_means_seconds_everywhere(tmp_path, monkeypatch):
-    monkeypatch.setattr(text, "BLOCK_BYTES", 16)
+    monkeypatch.setattr(text_source, "BLOCK_BYTES", 16)
     path = written(tmp_path / "a.txt", "0 1 1 1\n1 1 1 0\n2 1 1 1\n2.5 1 1 1\n")
     assert [t for packet in open_events(path, sensor=SIZE) for t in packet.t] == [0, 1_000_000, 2_000_000, 2_500_000]
 
@@ -111,9 +109,9 @@ def test_lines_that_are_no_events_are_left_out_with_one_warning(tmp_path):
         tmp_path / "a.txt",
         "0 1 2 1\n1 1 2\n2 1.5 2 1\n3 1 2 7\n4 a 2 1\n\n# fine\n5 1 2 0\n6 1 2 0\n7 1 2 1\n8 1 2 0\n",
     )
-    with pytest.warns(EvimoWarning, match=r"4 lines are no events .* first '1 1 2'"):
+    with pytest.warns(EvimoWarning, match=r"3 lines are no events .* first '1 1 2'; 1 events lie between pixels"):
         opened = open_events(path, sensor=SIZE)
-    assert [t for packet in opened for t in packet.t] == [0, 5, 6, 7, 8]
+    assert [t for packet in opened for t in packet.t] == [0, 2, 5, 6, 7, 8]
 
 
 def test_a_file_cut_inside_a_line_is_used_with_a_warning(tmp_path, events, rows):
@@ -137,10 +135,9 @@ def test_unsorted_lines_are_sorted_and_counted(tmp_path):
 @pytest.mark.parametrize(
     "content, words",
     [
-        ("Dear diary,\ntoday nothing moved.\n", "does not name t, x, y and p"),
-        ("0.1 12.5 20.25 8.5\n0.2 13.5 21.25 8.5\n", "is not `t x y p`"),
+        ("Dear diary,\ntoday nothing moved.\n", "it begins 'Dear diary,'"),
+        ("0.1 12.5 20.25 8.5\n0.2 13.5 21.25 8.5\n", "no order of t, x, y and p makes sense"),
         ("# only a comment\n", "holds no events"),
-        ("a,b,c,d\n1,2,3,1\n", "does not name t, x, y and p"),
         ("t,x,y,p\n", "holds no events"),
         ("1 2\n3 4\n", "holds no events"),
     ],

@@ -5,7 +5,6 @@ from pathlib import Path
 from evimo.cli.reading import AS_TOLD, Reading
 from evimo.events.gyroscope import Gyroscope
 from evimo.formats import EventFile, FoundCamera
-from evimo.formats.event_file import fault_parts
 
 
 def info(file: Path, *, reading: Reading = AS_TOLD) -> None:
@@ -48,8 +47,8 @@ def facts(recording: EventFile) -> dict[str, str]:
 def _order(recording: EventFile) -> str:
     """Whether timestamps are sorted; all faults of the pass, if there are any."""
     faults = recording.faults
-    sorted_or_not = "sorted" if faults.out_of_order + faults.late == 0 else "not sorted"
-    return "; ".join([sorted_or_not, *fault_parts(faults, recording.sensor)])
+    sorted_or_not = "not sorted" if faults.out_of_order + faults.late + faults.after_reset else "sorted"
+    return "; ".join([sorted_or_not, *faults.parts(recording.sensor)])
 
 
 def _gyroscope(gyroscope: Gyroscope | None) -> str:

@@ -1,6 +1,7 @@
 """Event recordings of every format, read alike: packets in constant memory, sensor size, time range."""
 
-from evimo.formats.event_file import EventFile, Faults, FoundCamera
+from evimo.formats.clock import Faults
+from evimo.formats.event_file import EventFile, FoundCamera
 from evimo.formats.opening import open_events
 
 __all__ = ["EventFile", "Faults", "FoundCamera", "open_events"]

@@ -21,6 +21,9 @@ from evimo.formats.evt_clock_kernel import (
 
 BITS, LOW_BITS = 28, 6
 NEAR = 4096  # units of 64 µs
+HASH = np.uint32(0x077CB531)  # whose upper five bits tell apart all products with powers of two (de Bruijn)
+PLACES = np.zeros(32, np.int64)
+PLACES[[(int(HASH) << place & 0xFFFFFFFF) >> 27 for place in range(32)]] = np.arange(32)
 SOUND, STATE_SIZE = CLOCK_STATE, CLOCK_STATE + 1
 
 
@@ -101,11 +104,11 @@ def decode_evt21(halves, state, final, head):
             column, row, polarity = word >> 11 & 0x7FF, word & 0x7FF, (word >> 27 & 2) - 1
             time = now | (word >> 22 & 0x3F)
             while seen != 0:
-                if seen & 1:
-                    x[count], y[count], t[count], p[count] = column, row, time, polarity
-                    count += 1
-                seen >>= np.uint32(1)
-                column += 1
+                lowest = np.uint32(seen & (~seen + np.uint32(1)))
+                place = PLACES[np.uint32(lowest * HASH) >> np.uint32(27)]
+                x[count], y[count], t[count], p[count] = column + place, row, time, polarity
+                count += 1
+                seen ^= lowest
         elif word >> 29 == 0:
             lost += _ones(seen) * (sound == 2)
         elif word >> 28 == 8:

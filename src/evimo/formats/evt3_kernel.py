@@ -24,8 +24,14 @@ BITS = 12
 NEAR = 64  # units of 4.096 ms
 SOONER_US = 1 << 20  # the first time is before `expected_us`, or later by less than this
 
-# What EVT 3 keeps from one block of words to the next, after what its clock keeps.
+NONE_YET, GOOD, BAD = 0, 1, 2  # what the last TIME HIGH was
+LOWEST_BIT = np.array([(bits & -bits).bit_length() - 1 for bits in range(1 << BITS)], np.int8)
+
+# What EVT 3 keeps from one block of words to the next, after what its clock keeps: the lower bits of the time, their
+# highest value since the last TIME HIGH and the one before that, what that was, and where pixels and polarity are.
 LOW, TOP, BEFORE, SOUND, ROW, BASE, POLARITY, STATE_SIZE = (CLOCK_STATE + at for at in range(8))
+# Of one block: events that are kept and lost, and how many were kept when the lower bits last changed.
+COUNT, GONE, MARK, TALLY_SIZE = 0, 1, 2, 3
 
 
 @njit(cache=True, nogil=True)
@@ -40,18 +46,18 @@ def evt3_state(expected_us):
 @njit(cache=True, nogil=True)
 def counted(words):
     """How many events there are at most, and the values and positions of the TIME HIGH words."""
-    events, highs = 0, 0
-    for code in words:
-        kind = code >> 12
-        events += (kind == 2) + 12 * (kind == 4) + 8 * (kind == 5)
-        highs += kind == 8
-    values, places = np.empty(highs, np.int64), np.empty(highs, np.int64)
-    highs = 0
+    events, highs = np.uint32(0), np.uint32(0)
     for at in range(len(words)):
-        if words[at] >> 12 == 8:
-            values[highs], places[highs] = words[at] & 0xFFF, at
-            highs += 1
-    return events, values, places
+        kind = words[at] >> np.uint16(12)
+        events += np.uint32(kind == 2) + np.uint32(12) * np.uint32(kind >> 1 == 2)
+        highs += np.uint32(kind == 8)
+    values, places = np.empty(highs, np.int64), np.empty(highs, np.int64)
+    number = 0
+    for at in range(len(words)):
+        if number < len(values):
+            values[number], places[number] = words[at] & 0xFFF, at
+            number += words[at] >> 12 == 8
+    return np.int64(events), values, places
 
 
 @njit(cache=True, nogil=True)
@@ -89,56 +95,78 @@ def decode_evt3(words, state, final):
     most, values, places = counted(words)
     clocks = believed_clocks(values, state, BITS, NEAR, final)
     stop = len(words) if final else settled(words, clocks, places)
-    x, y = np.empty(most + 12, np.uint16), np.empty(most + 12, np.uint16)
-    t, p = np.empty(most + 12, np.int64), np.empty(most + 12, np.int8)
+    x, y = np.empty(most + 1, np.uint16), np.empty(most + 1, np.uint16)
+    t, p = np.empty(most + 1, np.int64), np.empty(most + 1, np.int8)
+    tally = np.zeros(TALLY_SIZE, np.int64)
+    decode_words(words[:stop], clocks, state, tally, (x, y, t, p), words)
+    if 0 < stop < len(words) and not final and words[stop] & 0xFFF < state[TOP]:
+        low = lower(np.int64(words[stop] & 0xFFF), next_low(words, stop), state[TOP], state[BEFORE])
+        if low[3]:
+            undo(tally)
+            state[TOP] = state[LOW] = state[BEFORE]
+    advance(state, clocks[: np.searchsorted(places, stop)], NEAR)
+    count = tally[COUNT]
+    return x[:count], y[:count], t[:count], p[:count], stop, tally[GONE]
+
+
+@njit(cache=True, nogil=True)
+def undo(tally):
+    """Lose the events since the lower bits last changed."""
+    tally[GONE] += tally[COUNT] - tally[MARK]
+    tally[COUNT] = tally[MARK]
+
+
+@njit(cache=True, nogil=True)
+def decode_words(words, clocks, state, tally, columns, more):
+    """The events of words whose clocks are told; `more` are the same words and those that follow."""
+    x, y, t, p = columns
     low, top, before, sound = state[LOW], state[TOP], state[BEFORE], state[SOUND]
     row, base, polarity = state[ROW], state[BASE], state[POLARITY]
-    high, now = state[CLOCK], state[CLOCK] << BITS | max(low, 0)
-    kept, count, lost, mark, number = sound == 1 and low >= 0, 0, 0, 0, 0
-    missed = sound == 2 or (sound == 1 and low == LOST)
-    for at in range(stop):
-        kind, value = words[at] >> 12, np.int64(words[at] & 0xFFF)
+    count, gone, mark, high, number = 0, 0, 0, state[CLOCK] << BITS, 0
+    kept, missed, now = standing(sound, high, low)
+    for place in range(len(words)):
+        kind, value = np.int64(words[place] >> 12), np.int64(words[place] & 0xFFF)
         if kind == 2:
             x[count], y[count], t[count], p[count] = value & 0x7FF, row, now, 2 * (value >> 11) - 1
-            count, lost = count + kept, lost + missed
-        elif kind == 4 or kind == 5:
-            width = 12 if kind == 4 else 8
-            for step in range(width):
-                x[count], y[count], t[count], p[count] = base + step, row, now, polarity
-                bit = value >> step & 1
-                count, lost = count + (bit & kept), lost + (bit & missed)
-            base += width
+            count, gone = count + kept, gone + missed
         elif kind == 0:
             row = value & 0x7FF
+        elif kind == 4 or kind == 5:
+            while value != 0:
+                x[count], y[count], t[count], p[count] = base + LOWEST_BIT[value], row, now, polarity
+                count, gone, value = count + kept, gone + missed, value & (value - 1)
+            base += 4 * (7 - kind)  # by 12 pixels, or by 8
+        elif kind == 6:
+            undone = False
+            if value >= top:
+                low, before, top = value, top, value
+            else:
+                low, top, before, undone = lower(value, next_low(more, place), top, before)
+            if undone:
+                gone, count = gone + count - mark, mark
+            mark = count
+            kept, missed, now = standing(sound, high, low)
+        elif kind == 8:
+            clock, number = clocks[number], number + 1
+            if sound == NONE_YET:
+                low = top = before = UNKNOWN
+            if clock != LOST and clock << BITS != high:
+                high, top, before, mark = clock << BITS, UNKNOWN, UNKNOWN, count
+            sound = BAD if clock == LOST else GOOD
+            kept, missed, now = standing(sound, high, low)
         elif kind == 3:
             base, polarity = value & 0x7FF, 2 * (value >> 11) - 1
-        elif kind == 6 and sound != 0:
-            if value >= top:
-                low, before, top, mark = value, top, value, count
-            else:
-                low, top, before, undone = lower(value, next_low(words, at), top, before)
-                if undone:
-                    lost, count = lost + count - mark, mark
-                mark = count
-        elif kind == 8:
-            clock = clocks[number]
-            number += 1
-            sound = 2 if clock == LOST else 1
-            if clock != LOST and clock != high:
-                high, top, before, mark = clock, UNKNOWN, UNKNOWN, count
-        else:
-            continue
-        if kind == 6 or kind == 8:
-            kept, now = sound == 1 and low >= 0, high << BITS | max(low, 0)
-            missed = sound == 2 or (sound == 1 and low == LOST)
-    if stop < len(words) and not final and stop > 0:
-        value = np.int64(words[stop] & 0xFFF)
-        if value < top and lower(value, next_low(words, stop), top, before)[3]:
-            lost, count, top, low = lost + count - mark, mark, before, before
-    advance(state, clocks[:number], NEAR)
     state[LOW], state[TOP], state[BEFORE], state[SOUND] = low, top, before, sound
     state[ROW], state[BASE], state[POLARITY] = row, base, polarity
-    return x[:count], y[:count], t[:count], p[:count], stop, lost
+    tally[COUNT], tally[GONE], tally[MARK] = count, gone, mark
+
+
+@njit(cache=True, nogil=True)
+def standing(sound, high, low):
+    """Whether events are kept, whether those that are not are lost, and their time."""
+    kept = np.int64(sound == GOOD and low >= 0)
+    missed = np.int64(sound == BAD or (sound == GOOD and low == LOST))
+    return kept, missed, high | max(low, 0)
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,14 @@ from evimo.formats.recognition import SUFFIXES, Kind, recognised
 from evimo.formats.time_units import TimeUnit
 
 # What the reader of each kind asks for besides the sensor, as keywords.
-OPTIONS: dict[Kind, set[str]] = {"rosbag1": {"topic"}, "rosbag2": {"topic"}}
+OPTIONS: dict[Kind, set[str]] = {
+    "evimo_npz": {"time_unit", "columns"},
+    "evimo2": {"time_unit"},
+    "hdf5": {"time_unit", "columns", "topic"},
+    "rosbag1": {"topic"},
+    "rosbag2": {"topic"},
+    "text": {"time_unit", "columns"},
+}
 
 
 def open_events(
@@ -52,6 +59,8 @@ def _opener(kind: Kind) -> Callable[..., EventFile]:
             from evimo.formats.evimo_npz import open_evimo_npz as opened
         case "evimo2":
             from evimo.formats.evimo2 import open_evimo2 as opened
+        case "hdf5":
+            from evimo.formats.hdf5 import open_hdf5 as opened
         case "aedat2":
             from evimo.formats.aedat2 import open_aedat2 as opened
         case "aedat3":
@@ -85,6 +94,8 @@ def _used(path: Path, kind: Kind, options: dict[str, str | None]) -> dict[str, s
 def _title(kind: Kind) -> str:
     titles = {
         "evimo_npz": "a NumPy archive",
+        "evimo2": "an EVIMO2 folder",
+        "hdf5": "HDF5",
         "aedat2": "an AEDAT 2 recording",
         "aedat3": "an AEDAT 3 recording",
         "aedat4": "an AEDAT 4 recording",

@@ -91,7 +91,7 @@ def encoding(path: Path, head: Header) -> Encoding:
             f"{path.name} is a Prophesee recording in {named}, which is not supported",
             fix="export it with Metavision as EVT 2, 2.1 or 3, or as CSV",
         )
-    found = encoding_of(sample(path, head.length))
+    found = words_encoding(sample(path, head.length))
     if found is None:
         raise BadFile(
             f"{path.name} is a Prophesee recording whose header does not tell its encoding, and its content neither",
@@ -107,7 +107,7 @@ def sample(path: Path, offset: int) -> bytes:
         return file.read(SAMPLE_BYTES)
 
 
-def encoding_of(raw: bytes) -> Encoding | None:
+def words_encoding(raw: bytes) -> Encoding | None:
     """The encoding whose words these are: all kinds are known to it, and its clock goes on steadily.
 
     Words of EVT 2.1 are pairs of those of EVT 2.0, of which one tells the kind: only in that half are clocks.

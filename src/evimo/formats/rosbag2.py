@@ -11,7 +11,7 @@ from typing import Any, cast
 import yaml
 
 from evimo.errors import BadFile
-from evimo.formats.aedat4_packets import unzstd
+from evimo.formats.zstandard import zstd
 from evimo.formats.bag_messages import Connection, Message
 from evimo.formats.rosbag2_db3 import Db3File, open_db3
 from evimo.formats.rosbag2_mcap import McapFile, open_mcap
@@ -140,6 +140,6 @@ def _unpacked(payload: memoryview, path: Path) -> memoryview:
     if bytes(payload[:4]) != ZSTD:
         return payload
     try:
-        return memoryview(unzstd(bytes(payload)))
+        return memoryview(zstd().decompress(bytes(payload)))
     except Exception as error:  # the library's own kind has two homes
         raise BadFile(f"{path.name}: a compressed message is damaged ({error})", fix="copy it again") from error
