@@ -169,14 +169,12 @@ def test_messages_that_wait_in_the_journal_are_read(bag, absolute, rows, ros2, t
     assert rows(open_events(killed)) == rows([absolute])
 
 
-def test_a_bag_that_is_compressed_file_by_file_says_how_to_unpack_it(bag, absolute, rows):
+def test_a_bag_that_is_compressed_file_by_file_says_how_to_unpack_it(bag, absolute, rows, ros2):
     folder = bag("db3", "file")
     with pytest.raises(BadFile, match=r"compressed file by file .*\n  try: unpack it first: unzstd"):
         open_events(folder)
     (packed,) = folder.glob("*.zstd")
-    from evimo.formats.aedat4_packets import unzstd
-
-    packed.with_suffix("").write_bytes(unzstd(packed.read_bytes()))
+    packed.with_suffix("").write_bytes(ros2.unpacked(packed.read_bytes()))
     assert rows(open_events(folder)) == rows([absolute])
 
 
