@@ -12,12 +12,13 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from bag_files import write_bag1, write_bag2
 from public_readers import readers_of
 from reader_files import write_aedat2, write_aedat3, write_dat, write_evt2, write_evt3, write_evt21
-from rosbags.rosbag1 import Writer
 
 from evimo.errors import EvimoWarning
 from evimo.events.events import Events
@@ -86,47 +87,6 @@ def write_aedat4(folder: Path, events: Events) -> Path:
     return folder / "a.aedat4"
 
 
-def write_bag(folder: Path, events: Events, *, encoding: str) -> Path:
-    """One message per PART events."""
-    path = folder / f"{encoding}.bag"
-    kind = "dvs_msgs/msg/EventArray" if encoding == "array" else "event_camera_msgs/msg/EventPacket"
-    with Writer(path) as writer:
-        topic = writer.add_connection("/events", kind, msgdef="Header header", md5sum="0" * 32)
-        for first in range(0, len(events), PART):
-            part = events.part(first, first + PART)
-            writer.write(topic, int(part.t[-1]) * 1000 + 1, MESSAGES[encoding](part))
-    return path
-
-
-def array_message(part: Events) -> bytes:
-    """A dvs_msgs/EventArray."""
-    stored = np.zeros(len(part), [("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
-    stored["x"], stored["y"], stored["p"] = part.x, part.y, part.p > 0
-    stored["s"], stored["ns"] = part.t // 1_000_000, part.t % 1_000_000 * 1000
-    return bytes(16) + struct.pack("<III", HEIGHT, WIDTH, len(part)) + stored.tobytes()
-
-
-def mono_message(part: Events) -> bytes:
-    """An EventPacket in the encoding mono."""
-    base = int(part.t[0]) * 1000
-    t, x, y = ((column.astype(np.uint64)) for column in (part.t * 1000 - base, part.x, part.y))
-    return packet_message(b"mono", base, (t | x << 32 | y << 48 | (part.p > 0).astype(np.uint64) << 63).tobytes())
-
-
-def evt3_message(part: Events) -> bytes:
-    """Every event with all its words: time high, time low, row, column."""
-    column = 2 << 12 | (part.p > 0).astype(np.uint16) << 11 | part.x
-    words = np.stack([8 << 12 | part.t >> 12 & 0xFFF, 6 << 12 | part.t & 0xFFF, part.y, column], axis=1)
-    return packet_message(b"evt3", 0, words.astype("<u2").tobytes())
-
-
-def packet_message(encoding: bytes, base: int, packed: bytes) -> bytes:
-    """An EventPacket as ROS 1 serialises it."""
-    head = struct.pack("<IIQQI", HEIGHT, WIDTH, 0, base, len(encoding)) + encoding
-    return bytes(16) + head + struct.pack("<?I", False, len(packed)) + packed
-
-
-MESSAGES = {"array": array_message, "mono": mono_message, "evt3": evt3_message}
 FORMATS: dict[str, Callable[[Path, Events], Path]] = {
     "EV-IMO npz, compressed": lambda folder, events: write_npz(folder, events, packed=True),
     "EV-IMO npz, stored": lambda folder, events: write_npz(folder, events, packed=False),
@@ -140,9 +100,16 @@ FORMATS: dict[str, Callable[[Path, Events], Path]] = {
     "RAW, EVT 3.0": write_evt3,
     "DAT": write_dat,
     "Event Stream": write_event_stream,
-    "ROS 1 bag, dvs_msgs": lambda folder, events: write_bag(folder, events, encoding="array"),
-    "ROS 1 bag, mono": lambda folder, events: write_bag(folder, events, encoding="mono"),
-    "ROS 1 bag, evt3": lambda folder, events: write_bag(folder, events, encoding="evt3"),
+    "ROS 1 bag, dvs_msgs": partial(write_bag1, encoding="array"),
+    "ROS 1 bag, mono": partial(write_bag1, encoding="mono"),
+    "ROS 1 bag, evt3": partial(write_bag1, encoding="evt3"),
+    "ROS 2 bag, db3, dvs_msgs": partial(write_bag2, encoding="array", storage="db3"),
+    "ROS 2 bag, db3, mono": partial(write_bag2, encoding="mono", storage="db3"),
+    "ROS 2 bag, db3, evt3": partial(write_bag2, encoding="evt3", storage="db3"),
+    "ROS 2 bag, mcap, dvs_msgs": partial(write_bag2, encoding="array", storage="mcap"),
+    "ROS 2 bag, mcap, evt3": partial(write_bag2, encoding="evt3", storage="mcap"),
+    "ROS 2 bag, mcap lz4, dvs_msgs": partial(write_bag2, encoding="array", storage="mcap lz4"),
+    "ROS 2 bag, mcap zstd, dvs_msgs": partial(write_bag2, encoding="array", storage="mcap zstd"),
 }
 
 

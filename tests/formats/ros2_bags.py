@@ -3,6 +3,7 @@
 import numpy as np
 from lz4.frame import compress
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.reader import zstd
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 PART = 100
@@ -126,3 +127,8 @@ def storage_file(folder):
     """The one file beside the metadata."""
     (file,) = (path for path in folder.iterdir() if path.name != "metadata.yaml")
     return file
+
+
+def unpacked(raw):
+    """What `unzstd` makes of a file."""
+    return zstd.decompress(raw)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from evimo.errors import BadFile, EvimoWarning, NotFound
 from evimo.events.events import Events, joined
-from evimo.formats.bag_messages import SECOND_NS, Bag, Message, Topic, topics
+from evimo.formats.bag_messages import SECOND_NS, Bag, Topic, topics
 from evimo.formats.damage import marred
 from evimo.formats.event_messages import ARRAYS, PACKETS, Decoder, decoder_of, image_size
 from evimo.formats.survey import no_events_in
@@ -44,36 +44,52 @@ class EventTopic:
         """The same with its clocks compared at the first message that has events.
 
         Raises:
-            BadFile: none has.
+            BadFile: none has, or all are damaged.
         """
+        why = None
         for message in self.bag.messages(self.topic.connections):
             decode = self.decoder()
-            if len(events := joined([self._decoded(decode, message, 0), decode.rest()])):
-                return replace(self, clocks_us=(message.time_ns // 1000, int(events.t.max())))
-        raise no_events_in(self.bag.path)
+            try:
+                events = joined([decode(message.payload, 0), decode.rest()])
+            except DAMAGED as error:
+                why = error
+            else:
+                if len(events):
+                    return replace(self, clocks_us=(message.time_ns // 1000, int(events.t.max())))
+        raise damaged(self.bag, self.topic, why) if why else no_events_in(self.bag.path)
 
     def decoder(self) -> Decoder:
         """A decoder for this topic's kind of message."""
         return decoder_of(self.topic.kind, self.bag.path.name, cdr=self.bag.cdr)
 
     def size(self) -> tuple[int, int]:
-        """(height, width) as the first message tells it."""
-        message = next(self.bag.messages(self.topic.connections))
-        try:
-            return image_size(message.payload, cdr=self.bag.cdr)
-        except DAMAGED as error:
-            raise damaged(self.bag, self.topic, error) from error
+        """(height, width) as the first whole message tells it."""
+        for message in self.bag.messages(self.topic.connections):
+            try:
+                return image_size(message.payload, cdr=self.bag.cdr)
+            except DAMAGED:
+                continue
+        raise no_events_in(self.bag.path)
 
     def packets(self, start_ns: int | None = None) -> Iterator[Events]:
-        """Packets of about a megabyte of messages, from a place on before which all was recorded before start_ns."""
-        decode, waiting, size = self.decoder(), list[Events](), 0
+        """Packets of about a megabyte of messages, from a place on before which all was recorded before start_ns.
+
+        Messages that are damaged are left out; a warning at the end says how many.
+        """
+        decode, waiting, size, bad = self.decoder(), list[Events](), 0, 0
         for message in self.bag.messages(self.topic.connections, start_ns):
-            waiting.append(self._decoded(decode, message, self.expected_us(message.time_ns)))
+            try:
+                waiting.append(decode(message.payload, self.expected_us(message.time_ns)))
+            except DAMAGED:
+                bad += 1
             size += len(message.payload)
             if size >= PACKET_BYTES:
                 yield marred(waiting)
                 waiting, size = [], 0
         yield marred([*waiting, decode.rest()])
+        if bad:
+            text = f"{self.bag.path.name}: {bad:,} messages of {self.topic.name} are damaged and left out"
+            warnings.warn(text, EvimoWarning, stacklevel=3)
 
     def read(self, start_us: int) -> Iterator[Events]:
         """Packets from a place on before which all was recorded before start_us."""
@@ -90,12 +106,6 @@ class EventTopic:
             if found or whole:
                 return max(found, default=self.clocks_us[1]) + 1
             back *= 8
-
-    def _decoded(self, decode: Decoder, message: Message, expected_us: int) -> Events:
-        try:
-            return decode(message.payload, expected_us)
-        except DAMAGED as error:
-            raise damaged(self.bag, self.topic, error) from error
 
 
 def damaged(bag: Bag, topic: Topic, why: Exception) -> BadFile:

@@ -76,8 +76,12 @@ class Rosbag1:
             _, fields = _header(file)
             body = _unpacked(file.read(_u4(file)), fields)
         for op, fields, payload in _records(body):
-            if op == MESSAGE and (connection := UNPACK_U4(fields[b"conn"])[0]) in wanted:
-                yield Message(connection, _time(fields[b"time"]), payload)
+            try:
+                connection, time_ns = UNPACK_U4(fields[b"conn"])[0], _time(fields[b"time"])
+            except (KeyError, struct.error):  # of another kind, or damaged
+                continue
+            if op == MESSAGE and connection in wanted:
+                yield Message(connection, time_ns, payload)
 
 
 def open_bag(path: Path) -> Rosbag1:

@@ -14,6 +14,8 @@ from evimo.errors import BadFile, EvimoWarning
 from evimo.formats.bag_messages import Connection, Message
 
 TABLES = {"topics", "messages"}
+# SQLite lets any value stand in any column; damage puts some there.
+WHOLE = "typeof(topic_id) = 'integer' AND typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
 
 
 @dataclass(slots=True)
@@ -32,14 +34,14 @@ class Db3File:
     def messages(self, wanted: Set[int], start_ns: int | None = None) -> Iterator[Message]:
         """Messages of the wanted connections by time, from start_ns on, or all."""
         chosen = ",".join(str(number) for number in wanted)
-        since = "" if start_ns is None else f" AND timestamp >= {start_ns}"
+        which = f"topic_id IN ({chosen}) AND {WHOLE}" + ("" if start_ns is None else f" AND timestamp >= {start_ns}")
         order = "id" if self.cut_short else "timestamp, id"
-        select = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({chosen}){since} ORDER BY {order}"
+        select = f"SELECT topic_id, timestamp, data FROM messages WHERE {which} ORDER BY {order}"
         with closing(_connected(self.path)) as database:
             try:
                 for number, time_ns, data in database.execute(select):
                     yield Message(number, time_ns, memoryview(data))
-            except (sqlite3.Error, TypeError) as error:
+            except sqlite3.Error as error:
                 if not self.cut_short:
                     raise _damaged(self.path, error) from error
 
@@ -60,8 +62,8 @@ def open_db3(path: Path) -> Db3File:
         except sqlite3.Error as error:
             raise _damaged(path, error) from error
         try:
-            counts = dict(database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
-            span = database.execute("SELECT min(timestamp), max(timestamp) FROM messages").fetchone()
+            counts = dict(database.execute(f"SELECT topic_id, count(*) FROM messages WHERE {WHOLE} GROUP BY topic_id"))
+            span = database.execute(f"SELECT min(timestamp), max(timestamp) FROM messages WHERE {WHOLE}").fetchone()
         except sqlite3.Error:
             file.cut_short = True
             counts, span = _walked(database)
@@ -78,7 +80,8 @@ def _walked(database: sqlite3.Connection) -> tuple[dict[int, int], tuple[int, in
     counts: dict[int, int] = {}
     times: list[int] = []
     try:
-        for number, time_ns, _ in database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
+        select = f"SELECT topic_id, timestamp, data FROM messages WHERE {WHOLE} ORDER BY id"
+        for number, time_ns, _ in database.execute(select):
             counts[number] = counts.get(number, 0) + 1
             times = [min([time_ns, *times]), max([time_ns, *times])]
     except sqlite3.Error:
