@@ -108,7 +108,6 @@ def test_folders_without_a_recording(tmp_path):
     "name, words",
     [
         ("formats/prophesee/evt3_sample.npy", "NumPy array"),
-        ("formats/hdf5/davis346_1s_dsec_style.h5", "HDF5"),
     ],
 )
 def test_real_files_of_later_formats_are_named(shared_data, name, words):
