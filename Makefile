@@ -6,13 +6,14 @@ SAMPLE = $$($(VENV)/bin/python -c 'import evimo.samples; print(evimo.samples.pat
 ARGS ?=
 
 .NOTPARALLEL:
-.PHONY: help demo test check bench
+.PHONY: help demo test check bench fuzz
 
 help:
 	@echo "make demo    install what running needs and run the packaged recording; leaves out/demo"
 	@echo "make test    install what development needs and run the tests (ARGS='tests/events -x' narrows them)"
 	@echo "make check   format, lint, types, import direction"
 	@echo "make bench   speed of every stage; leaves out/bench.json"
+	@echo "make fuzz    a hundred thousand damaged files for every reader (ARGS='--files 1000')"
 
 demo: $(VENV)/.base
 	@$(VENV)/bin/evimo run "$(SAMPLE)" --out out/demo
@@ -30,6 +31,9 @@ check: $(VENV)/.dev
 
 bench: $(VENV)/.base
 	@$(VENV)/bin/python bench/speed.py $(ARGS)
+
+fuzz: $(VENV)/.dev
+	@$(VENV)/bin/python bench/fuzz.py $(ARGS)
 
 # ---- the environment: a stamp per stage, renewed when what it was made from changes -----------------------------
 

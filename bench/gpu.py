@@ -34,7 +34,7 @@ from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recor
 
 SEED = 90_000
 ROUNDS = 5
-AGREEING = 8  # frames of each scene that are compared
+COMPARED = 8  # frames of each scene that are compared
 
 
 def timed(work: Callable[[], Any]) -> float:
@@ -99,7 +99,7 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
             SEED + number, set_number=number, seconds=options.seconds, size=options.size, device="cuda"
         )
         drawn = {"set": number, "drawing_s": time.perf_counter() - start, "slices": recording.slices}
-        drawn |= agreement(recording, min(options.frames, AGREEING)) | rates(recording, options.frames, options.rounds)
+        drawn |= agreement(recording, min(options.frames, COMPARED)) | rates(recording, options.frames, options.rounds)
         print(f"set {number}: " + ", ".join(f"{name} {value:.6g}" for name, value in drawn.items() if name != "set"))
         found["scenes"].append(drawn)
     names = [name for name in found["scenes"][0] if name != "set"]

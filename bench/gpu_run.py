@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evimo.errors import BadFile, EvimoError
+from evimo.writing import new_file
 
 if TYPE_CHECKING:
     from evimo.training.loop import Trainer
@@ -73,9 +74,8 @@ def write(path: Path, content: bytes) -> None:
     """Write a file beside and rename it."""
     if len(content) > LARGEST:
         raise BadFile(f"{path} has {len(content)} bytes, which is more than {LARGEST}", fix="a smaller --preset")
-    partial = path.with_name(f".{path.name}")
-    partial.write_bytes(content)
-    partial.replace(path)
+    with new_file(path) as file:
+        file.write_bytes(content)
 
 
 @contextmanager

@@ -14,6 +14,6 @@ path = sys.argv[1]
 folder = Path(sys.argv[2] if len(sys.argv) > 2 else "masks")
 folder.mkdir(parents=True, exist_ok=True)
 
-for estimate in evimo.run(evimo.open_events(path), model="small"):
+for estimate in evimo.run(path, model="small"):
     cv2.imwrite(str(folder / f"{estimate.t_us}.png"), estimate.ids)  # 0 is background, else the object's number
 print(f"{len(list(folder.glob('*.png')))} masks in {folder}")

@@ -22,6 +22,19 @@ def test_example_runs_on_the_sample(example: Path, tmp_path: Path):
     assert ran.stdout
 
 
+@pytest.mark.slow
+def test_the_page_of_python_runs_from_top_to_bottom(tmp_path: Path):
+    """Blocks of Python in one process, and the commands between them."""
+    page = (ROOT / "docs" / "python.md").read_text()
+    steps = re.findall(r"```python\n(.*?)```|^    (evimo [^\n]*)$", page, flags=re.DOTALL | re.MULTILINE)
+    assert len(steps) > 7
+    command = "import subprocess, sys; subprocess.run([sys.executable, '-m', 'evimo.cli', *{!r}], check=True)"
+    program = "\n".join(block or command.format(line.split()[1:]) for block, line in steps)
+    ran = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert "of moving objects" in ran.stdout
+
+
 def test_python_in_readme_is_an_example():
     shown = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
     examples = [example.read_text().splitlines() for example in EXAMPLES]

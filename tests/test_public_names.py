@@ -7,7 +7,17 @@ import pytest
 import evimo
 from evimo.errors import MissingExtra
 
-NAMES = {"Camera", "Estimate", "Events", "load_model", "open_events", "run"}
+NAMES = {
+    "Camera",
+    "Estimate",
+    "Events",
+    "evaluate",
+    "load_camera",
+    "load_model",
+    "open_events",
+    "open_recording",
+    "run",
+}
 
 
 def in_new_process(code: str) -> str:

@@ -1,6 +1,6 @@
 """Moving objects, depth and motion from the events of one moving event camera.
 
-    for estimate in evimo.run(evimo.open_events("recording.aedat4"), model="small"):
+    for estimate in evimo.run("recording.aedat4", model="small"):
         print(estimate.t_us, [moving.box for moving in estimate.objects])
 
 The public names are those of `__all__`; each is imported when it is first used.
@@ -12,19 +12,35 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from evimo.events.events import Events
     from evimo.formats.opening import open_events
+    from evimo.geometry.calibration import load_camera
     from evimo.geometry.camera import Camera
     from evimo.model.checkpoint import load_model
     from evimo.recordings.estimate import Estimate
+    from evimo.recordings.recording import open_recording
+    from evimo.streaming.evaluating import evaluate
     from evimo.streaming.pipeline import run
 
-__all__ = ["Camera", "Estimate", "Events", "load_model", "open_events", "run"]
+__all__ = [
+    "Camera",
+    "Estimate",
+    "Events",
+    "evaluate",
+    "load_camera",
+    "load_model",
+    "open_events",
+    "open_recording",
+    "run",
+]
 
 _HOMES = {
     "Camera": "evimo.geometry.camera",
     "Estimate": "evimo.recordings.estimate",
     "Events": "evimo.events.events",
+    "evaluate": "evimo.streaming.evaluating",
+    "load_camera": "evimo.geometry.calibration",
     "load_model": "evimo.model.checkpoint",
     "open_events": "evimo.formats.opening",
+    "open_recording": "evimo.recordings.recording",
     "run": "evimo.streaming.pipeline",
 }
 _TRAINING_ONLY = {"load_model"}

@@ -22,6 +22,7 @@ from evimo.scene.motion import Motion
 from evimo.simulate.pixels import Pixels
 from evimo.simulate.recording import SimulatedRecording, simulate_recording
 from evimo.simulate.sensor import draw_sensor
+from evimo.writing import save_text
 
 FACTOR = Measure(name="isolated", header="isolated", meaning="", factor=2.0)
 MARGIN = Measure(name="on", header="ON", meaning="", margin=0.05)
@@ -76,7 +77,7 @@ def test_recordings_without_a_value_do_not_count():
 
 def test_a_report_saves_all_of_it_as_json(tmp_path):
     realism = compared([0.1], [0.9], FACTOR)
-    realism.save(tmp_path / "new" / "realism.json")
+    save_text(realism.as_json(), tmp_path / "new" / "realism.json")
     saved = json.loads((tmp_path / "new" / "realism.json").read_text())
     assert saved["outside"] == ["isolated"]
     assert saved["verdicts"]["isolated"]["off"] == approx(9)

@@ -189,6 +189,7 @@ def test_a_perfect_estimate_is_perfect_in_every_column(big_sample):
         ids=np.where(big_sample.moving, 7, 0).astype(np.uint8),
         rel_depth=truth.depth / 2,
         flow=big_sample.flow,
+        confidence=np.ones_like(big_sample.flow[0]),
         valid=big_sample.scored,
         ego=truth.ego * [0.5, 0.5, 0.5, 1, 1, 1],
         objects=(found,),

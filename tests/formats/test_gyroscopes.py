@@ -63,14 +63,13 @@ def test_a_damaged_packet_of_samples_is_left_out_and_counted(aedat4):
     whole, top = bytearray(aedat4.read_bytes()), head(aedat4)
     stream = next(name for name, stream in top.streams.items() if stream.kind == "IMUS")
     table = packet_table(aedat4, top).of(stream)
-    if len(table.offset) < 2:
-        pytest.skip("the library wrote one packet")
+    assert len(table.offset) > 1
     at = table.offset[0] + 8
     whole[at : at + 20] = b"\x55" * 20
     aedat4.write_bytes(whole)
     with pytest.warns(EvimoWarning, match="1 packets of IMU samples are damaged"):
         found = open_events(aedat4).gyroscope()
-    assert found is None or len(found) == len(T) - table.count[0]
+    assert len(found) == len(T) - table.count[0]
 
 
 def test_a_cut_aedat4_still_gives_its_samples(aedat4):

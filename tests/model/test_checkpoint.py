@@ -79,8 +79,6 @@ def test_missing_and_additional_tensors_are_refused(tiny, tmp_path):
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_packaged_weights_load_by_name(name, look):
-    if packaged(name, ".safetensors") is None:
-        pytest.skip(f"the package holds no weights of {name}")
     model = load_model(name)
     assert model.config == PRESETS[name]
     assert all(torch.isfinite(value).all() for value in look((64, 96)).second(model)[-1])

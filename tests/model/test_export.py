@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import onnx
+import onnx.parser
 import onnxruntime
 import pytest
 import torch
@@ -16,7 +17,7 @@ from evimo.events.stack import StaticMotion
 from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import rectified
 from evimo.model.checkpoint import save_model
-from evimo.model.export import FIRST_INPUTS, FIRST_OUTPUTS, SECOND_INPUTS, SECOND_OUTPUTS
+from evimo.model.export import FIRST_INPUTS, FIRST_OUTPUTS, SECOND_INPUTS, SECOND_OUTPUTS, shortened
 from evimo.model.presets import ModelConfig
 from evimo.model.second_pass import compensation
 from evimo.recordings.prepared import SUBPIXEL, Prepared
@@ -206,7 +207,7 @@ def test_running_needs_onnxruntime_only(exported):
     command = [sys.executable, "-c", WITHOUT_TORCH, str(exported)]
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     first = [[16, 24], [6], [2, 16, 24]]
-    assert json.loads(said) == [*first, [32, 48], [32, 48], [6], [3, 32, 48], [2, 32, 48]]
+    assert json.loads(said) == [*first, [32, 48], [32, 48], [6], [3, 32, 48], [2, 32, 48], [32, 48]]
 
 
 def test_nothing_unfinished_is_left(exported):
@@ -227,3 +228,14 @@ def test_names_inside_are_numbers(each):
     assert inside and all(name.isdigit() for name in inside)
     assert {tensor.name for tensor in graph.initializer} <= inside
     assert not any(node.name for node in graph.node)
+
+
+def test_a_graph_inside_a_node_is_refused():
+    """Its names would refer to those outside, which are numbers."""
+    text = """<ir_version: 10, opset_import: ["": 18]>
+    branching (bool yes, float[2] x) => (float[2] y) {
+      y = If (yes) <then_branch = t () => (float[2] a) { a = Neg (x) },
+                    else_branch = e () => (float[2] b) { b = Abs (x) }>
+    }"""
+    with pytest.raises(ValueError, match="another graph"):
+        shortened(onnx.parser.parse_model(text))

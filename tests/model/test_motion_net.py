@@ -118,7 +118,7 @@ def soft(rng):
     depth = 0.5 + torch.rand(1, 1, 4, 6, generator=rng).double()
     flow, valid = torch.zeros(1, 2, 4, 6).double(), torch.ones(1, 1, 4, 6).double()
     intrinsics = torch.tensor([[5.0, 5, 2.5, 1.5]]).double()
-    return Prediction(depth, ego, residual, mixture, flow, flow, intrinsics, valid)
+    return Prediction(depth, ego, residual, mixture, flow, flow, valid, intrinsics, valid)
 
 
 def test_flow_is_that_of_points_with_the_objects_velocity_before_a_moving_camera(soft):

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile, NotFound
+from evimo.errors import BadFile, BadInput, NotFound
 from evimo.geometry.camera import Camera
 from evimo.recordings import prepared as module
 from evimo.recordings.prepared import open_prepared, prepare, recording_folders
@@ -192,7 +192,7 @@ def test_a_failure_leaves_nothing_behind(simulated, tmp_path, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(module.np, "save", full)
-        with pytest.raises(OSError, match="no space"):
+        with pytest.raises(BadInput, match=f"cannot write {folder}"):
             prepare(folder)
     assert sorted(folder.iterdir()) == before
     assert len(open_prepared(prepare(folder))) == 4
@@ -209,12 +209,22 @@ def test_damaged_arrays_are_said_to_be(name, left, simulated, tmp_path):
 
 
 def test_recordings_are_found_at_any_depth_and_by_name(tmp_path):
-    for name in ("b", "a", "deep/er/c", "d/.partial-1"):
+    for name in ("b", "a", "deep/er/c"):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "dataset_sim.npz").touch()
     found = recording_folders([tmp_path])
     assert [str(path.relative_to(tmp_path)) for path in found] == ["a", "b", "deep/er/c"]
     assert recording_folders([tmp_path / "b", tmp_path / "a"]) == [tmp_path / "b", tmp_path / "a"]
+
+
+def test_a_recording_that_is_being_written_is_not_found(tmp_path):
+    """Every folder and file of the writer's, at the moment before the recording gets its name."""
+    with RecordingWriter(tmp_path / "new", PINHOLE):
+        for folder in [path for path in tmp_path.rglob("*") if path.is_dir()]:
+            (folder / "dataset_sim.npz").touch()
+        with pytest.raises(NotFound):
+            recording_folders([tmp_path])
+    assert recording_folders([tmp_path]) == [tmp_path / "new"]
 
 
 def test_a_folder_without_recordings(tmp_path):

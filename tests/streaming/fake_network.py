@@ -35,7 +35,7 @@ second (float[1, 30, H, W] voxels, float[1, 24, h, w] fits, float[1, 1, h, w] va
         float[1, 4] rotation, float[1, 6] taken_ego, float[1, 1, a, b] taken_depth,
         float[1, 2, a, b] taken_seen)
   => (float[1, 1, h, w] moving, float[1, 1, h, w] rel_depth, float[1, 6] ego, float[1, 3, h, w] velocity,
-      float[1, 2, h, w] flow)
+      float[1, 2, h, w] flow, float[1, 1, h, w] confidence)
 {
   half = AveragePool <kernel_shape = [2, 2], strides = [2, 2]> (voxels)
   of_positive = Constant <value_ints = [12, 14, 16]> ()
@@ -55,6 +55,8 @@ second (float[1, 30, H, W] voxels, float[1, 24, h, w] fits, float[1, 1, h, w] va
   nearly = Add (activity, slopes)
   one = Constant <value_float = 1.0> ()
   rel_depth = Add (nearly, one)
+  quarter = Constant <value_float = 0.25> ()
+  confidence = Mul (valid, quarter)
   more = Sub (positive, negative)
   sign = Sign (more)
   nothing = Sub (sign, sign)

@@ -21,7 +21,8 @@ def _disc(column: float, row: float, sure: float = 0.95) -> np.ndarray:
 def _answer(moving: np.ndarray, per_slice: tuple[float, float] = PER_SLICE) -> Answer:
     plane_per_s = [2 * px / FOCAL / 0.025 for px in per_slice]
     flow = np.ones((2, HEIGHT, WIDTH), np.float32) * np.float32(plane_per_s)[:, None, None]
-    return Answer(moving, np.ones((HEIGHT, WIDTH), np.float32), np.zeros(6), np.zeros((3, HEIGHT, WIDTH)), flow)
+    blank = np.ones((HEIGHT, WIDTH), np.float32)
+    return Answer(moving, blank, np.zeros(6), np.zeros((3, HEIGHT, WIDTH)), flow, blank)
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ def estimate_of(number: int, *, valid: np.ndarray) -> Estimate:
         ids=rng.integers(0, 256, SHAPE).astype(np.uint8),
         rel_depth=rng.uniform(0.1, 30, SHAPE).astype(np.float32),
         flow=np.zeros((2, *SHAPE), np.float32),
+        confidence=rng.random(SHAPE, np.float32),
         valid=valid,
         ego=rng.normal(size=6),
         objects=(),
@@ -34,7 +35,7 @@ def test_what_is_written_is_read_back(tmp_path, count):
     file.close()
     with h5py.File(tmp_path / "maps.h5") as saved:
         assert saved.attrs["model"] == "tiny"
-        assert set(saved) == {"t_us", "ego", "moving_probability", "ids", "rel_depth", "valid"}
+        assert set(saved) == {"t_us", "ego", "moving_probability", "ids", "rel_depth", "confidence", "valid"}
         assert all(saved[name].attrs["meaning"] for name in saved)
         assert saved["moving_probability"].dtype == saved["ids"].dtype == np.uint8
         assert saved["rel_depth"].dtype == np.float16
@@ -49,4 +50,5 @@ def test_what_is_written_is_read_back(tmp_path, count):
             np.testing.assert_allclose(
                 saved["moving_probability"][number] / 255, estimate.moving_probability, atol=0.5 / 255
             )
+            np.testing.assert_allclose(saved["confidence"][number] / 255, estimate.confidence, atol=0.5 / 255)
             np.testing.assert_allclose(saved["rel_depth"][number], estimate.rel_depth, rtol=1e-3)

@@ -78,6 +78,7 @@ def estimate_of(*, off=(0.0, 0.0), wider_px: int = 0, motions=MOTIONS, ids=(1, 2
         ids=image,
         rel_depth=depth,
         flow=flow,
+        confidence=depth,
         valid=np.ones(SIZE, np.bool_),
         ego=np.array([-STATIC[0] * per_s, -STATIC[1] * per_s, 0, 0, 0, 0]),
         objects=measured(image, depth, velocities),

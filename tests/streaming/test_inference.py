@@ -49,9 +49,10 @@ def test_the_second_answer_is_that_of_the_fake_network(fake_network):
     assert answer.velocity[0, 1, 3] == 1
     assert answer.velocity[0, 4, 5] == -1
     assert answer.flow.shape == (2, 6, 8)
+    assert (answer.confidence[0, 0], answer.confidence[4, 5]) == (0.25, 0)
     assert answer.ego.tolist() == [1, 2, 3, 4, 7, 3]
     cropped = answer.cropped(2, 5)
-    assert [each.shape for each in cropped] == [(2, 5), (2, 5), (6,), (3, 2, 5), (2, 2, 5)]
+    assert [each.shape for each in cropped] == [(2, 5), (2, 5), (6,), (3, 2, 5), (2, 2, 5), (2, 5)]
     assert np.argwhere(cropped.moving).tolist() == [[1, 3]]
 
 

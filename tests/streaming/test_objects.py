@@ -20,6 +20,7 @@ def answer_of(size, *, moving, rel_depth=None, velocity=None) -> Answer:
         ego=np.arange(6.0),
         velocity=np.zeros((3, *size), np.float32) if velocity is None else velocity,
         flow=np.stack((np.full(size, 2, np.float32), np.full(size, 3, np.float32))),
+        confidence=np.full(size, 0.25, np.float32),
     )
 
 
@@ -40,6 +41,7 @@ def test_a_box_is_measured(pinhole):
         answer_of(HALF_SIZE, moving=moving, rel_depth=depth, velocity=velocity), start_us=50_000, stop_us=75_000
     )
     assert (estimate.t_us, estimate.start_us, estimate.stop_us) == (62_500, 50_000, 75_000)
+    assert estimate.confidence.shape == SIZE and (estimate.confidence == 0.25).all()
     (box,) = estimate.objects
     assert box.id == 1
     np.testing.assert_allclose(box.box, (30, 10, 43, 19), atol=1)  # the mask is interpolated between half-size pixels

@@ -106,6 +106,23 @@ def test_masks_agree_with_those_of_both_neighbours(monkeypatch, discs, recorded,
     assert all(each is not None for row in rows for each in row)
 
 
+def test_a_path_events_and_an_array_are_run_alike(whole, discs, fake_network, camera, tmp_path):
+    rows = np.stack((discs.t, discs.x, discs.y, discs.p > 0), axis=1)
+    np.savetxt(tmp_path / "discs.txt", rows, fmt="%d")
+    (tmp_path / "calib.txt").write_text(f"{camera.fx} {camera.fy} {camera.cx} {camera.cy} 0 0 0 0")
+    given = [
+        (discs, {"camera": camera}),
+        (rows, {"sensor": camera.size, "camera": tmp_path / "calib.txt"}),
+        (tmp_path / "discs.txt", {"sensor": camera.size, "camera": str(tmp_path / "calib.txt")}),
+        (str(tmp_path / "discs.txt"), {"sensor": camera.size, "camera": camera}),
+    ]
+    for events, options in given:
+        again = list(run(events, model=fake_network, **options))
+        assert len(again) == len(whole)
+        for one, other in zip(again, whole, strict=True):
+            assert_same(one, other)
+
+
 @pytest.mark.parametrize("every", [1, 7, 500, 4000])
 def test_results_do_not_depend_on_packets(whole, discs, recorded, fake_network, camera, every):
     cuts = range(every, len(discs), every)

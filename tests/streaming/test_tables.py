@@ -19,6 +19,7 @@ def estimate_with(*objects: MovingObject, t_us: int) -> Estimate:
         ids=np.zeros(SHAPE, np.uint8),
         rel_depth=maps,
         flow=np.zeros((2, *SHAPE), np.float32),
+        confidence=maps,
         valid=np.ones(SHAPE, np.bool_),
         ego=np.array([0.1, -0.2, 1 / 3, 1e-7, 0, 12345678.0]),
         objects=objects,

@@ -47,7 +47,7 @@ def true_answer(batch, step, *, wrong=0.0):
     blank = torch.ones(2, 1, height, width)
     intrinsics = resized_intrinsics(batch.intrinsics, (2 * step, 2 * step), (1, 1))
     nothing = torch.zeros(2, 2, height, width)
-    here = at_scale(batch, Prediction(blank, batch.ego, batch.ego, blank, nothing, nothing, intrinsics, blank))
+    here = at_scale(batch, Prediction(blank, batch.ego, batch.ego, blank, nothing, nothing, blank, intrinsics, blank))
     mean = mean_over(batch.depth, batch.depth_valid)
     mixture = torch.zeros(2, 4, height, width)
     mixture[:, :1] = (~here.moving).float()
@@ -62,6 +62,7 @@ def true_answer(batch, step, *, wrong=0.0):
         mixture=mixture * (1 - wrong) + wrong / 4,
         seen=here.flow + wrong,
         taken=here.flow.roll(1, 0) / 2,  # whatever was taken out
+        confidence=blank,
         intrinsics=intrinsics,
         valid=blank,
     )

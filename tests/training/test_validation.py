@@ -35,7 +35,8 @@ def perfect(world, middle, *, mixture=None):
         shares = torch.cat((1 - moving, moving), dim=1) if mixture is None else mixture(moving)
         flow = padded(world.flow[middle])
         scale = resized_intrinsics(intrinsics, (2, 2), (1, 1))
-        return [Prediction(padded(depth[None]) / mean, ego, torch.zeros(1, 1, 3), shares, flow, flow, scale, valid)]
+        rel_depth, still = padded(depth[None]) / mean, torch.zeros(1, 1, 3)
+        return [Prediction(rel_depth, ego, still, shares, flow, flow, valid, scale, valid)]
 
     return second
 

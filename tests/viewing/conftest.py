@@ -41,6 +41,7 @@ def estimate_of(size: tuple[int, int], *objects: MovingObject, t_us: int = 12_50
         "ids": ids,
         "rel_depth": np.ones(size, np.float32),
         "flow": np.zeros((2, *size), np.float32),
+        "confidence": np.ones(size, np.float32),
         "valid": np.ones(size, bool),
         "ego": np.zeros(6),
         "objects": objects,

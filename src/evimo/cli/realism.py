@@ -7,8 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from evimo.cli.evaluate import recordings_in
-from evimo.cli.folders import make_folder
 from evimo.cli.progress import progress
 from evimo.cli.reading import AS_TOLD, Reading
 from evimo.errors import BadInput
@@ -22,10 +20,12 @@ from evimo.evaluation.event_statistics import (
 from evimo.evaluation.realism import Realism, Verdict, interval_grid_ms
 from evimo.evaluation.realism_tables import as_markdown, as_rich
 from evimo.formats import EventFile, open_events
+from evimo.recordings.finding import recordings_in
 from evimo.viewing.charts import Axis, Curve, RatioRow, draw_curves, draw_ratios
 from evimo.viewing.colours import BACKDROP, NEGATIVE, OBJECTS, POSITIVE, RGB, Image
 from evimo.viewing.layout import Box
-from evimo.viewing.picture import save_picture
+from evimo.viewing.picture import picture_file
+from evimo.writing import make_folder, save_files
 
 F8 = NDArray[np.float64]
 
@@ -59,9 +59,9 @@ def realism(*real: Path, simulated: Path, out: Path | None = None, reading: Read
     console = Console()
     Console(width=max(console.width, WIDTH)).print(as_rich(compared))  # narrower, the table folds into single letters
     if out is not None:
-        compared.save(out / "realism.json")
-        (out / "report.md").write_text(as_markdown(compared), encoding="utf-8")
-        save_picture(drawn(compared), out / "realism.png")
+        picture = picture_file(drawn(compared), out / "realism.png")
+        contents = {"report.md": as_markdown(compared), "realism.json": compared.as_json(), "realism.png": picture}
+        save_files(out, contents)
         console.print(f"saved in {out}: report.md, realism.json, realism.png")
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from evimo.cli.folders import make_folder
 from evimo.errors import BadInput
+from evimo.writing import make_folder
 
 if TYPE_CHECKING:
     from evimo.simulate.dataset import DatasetPlan

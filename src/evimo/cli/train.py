@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from evimo.errors import MissingExtra
+from evimo.writing import make_folder
 
 if TYPE_CHECKING:
     from evimo.training.config import TrainConfig
@@ -135,7 +136,7 @@ def _noted(trainer: "Trainer", validate: list[Path], every: int, show: Report) -
     from evimo.training.start import opened
 
     recordings = opened(validate, lambda done, total: None)
-    trainer.out.mkdir(parents=True, exist_ok=True)
+    make_folder(trainer.out)
     with open_curves(trainer.out, recordings, step=trainer.step) as curves:
 
         def report(step: int, terms: dict[str, float]) -> None:

@@ -61,11 +61,11 @@ def view(
     if not 0 < speed <= 100:
         raise BadInput(f"a video {speed:g} times as fast", fix="--speed between 0 and 100, as in 0.25")
     from evimo.events.slices import SLICE_US
-    from evimo.viewing.video import WholeVideo
+    from evimo.viewing.video import whole_video
 
-    fps = speed * 1e6 / SLICE_US
+    out, fps = out or _default_file(recording), speed * 1e6 / SLICE_US
     every = max(1, math.ceil(fps / FASTEST_FPS))
-    with WholeVideo(out or _default_file(recording), fps=fps / every) as video:
+    with whole_video(out, fps=fps / every) as video:
         events, span, draw = _prepared(recording, reading, span_s=(start, stop), picture=picture)
         count, done = 0, 0
         with _stopping() as stopped, progress(len(span)) as advance, closing(_slices(events, span)) as slices:
@@ -82,11 +82,8 @@ def view(
             raise KeyboardInterrupt
         if not count:
             raise BadInput(f"nothing is known of {recording} in this span", fix="another --start or --stop")
-        video.keep()
     early = done < len(span)
-    print(
-        f"{'stopped early: ' if early else ''}{count} frames, {done * SLICE_US * 1e-6:g} s of recording\n  {video.path}"
-    )
+    print(f"{'stopped early: ' if early else ''}{count} frames, {done * SLICE_US * 1e-6:g} s of recording\n  {out}")
     return INTERRUPTED if early else 0
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Events:
-    """Events of one sensor, sorted by time.
+    """Events of one sensor are four arrays of one length, sorted by time.
 
     x, y: column and row, (N,) uint16; the integer (0, 0) is the centre of the top-left pixel.
     t:    µs in the file's own clock, never shifted, (N,) int64.

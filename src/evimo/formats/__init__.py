@@ -1,4 +1,7 @@
-"""Event recordings of every format, read alike: packets in constant memory, sensor size, time range."""
+"""This room turns bytes into events and events into bytes: one file per format, one `open_events`, one `save_events`.
+
+Whatever the format, packets come sorted and in constant memory, with the sensor's size and the range of times.
+"""
 
 from evimo.formats.clock import Faults
 from evimo.formats.event_file import EventFile, FoundCamera

@@ -220,6 +220,8 @@ class _Rows:
 
 def _rows(raw: NDArray[np.uint8]) -> _Rows:
     first, count = _vector(raw.tobytes())
+    if first + 4 * count > len(raw):  # before an array is made of as many
+        raise ValueError(f"{count:,} rows in {len(raw):,} bytes")
     place = first + 4 * np.arange(count)
     row = place + _gathered(raw, place, "<u4")
     layout = row - _gathered(raw, row, "<i4")

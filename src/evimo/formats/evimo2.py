@@ -20,6 +20,7 @@ from evimo.formats.survey import no_events_in
 from evimo.formats.time_units import NAMES, REPEAT_EVENTS, TimeUnit, repeat_of
 from evimo.geometry.camera import Camera
 
+INFO = "dataset_info.json"
 PACKET_EVENTS = 1 << 17
 
 
@@ -110,7 +111,13 @@ def mapped(path: Path) -> NDArray[Any]:
 def _stored_size(folder: Path) -> tuple[int, int] | None:
     meta = _meta(folder)
     if "res_x" in meta:
-        return int(meta["res_y"]), int(meta["res_x"])
+        try:
+            size = int(meta["res_y"]), int(meta["res_x"])
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise BadFile(f"{folder / INFO} holds no res_x and res_y", fix="whole numbers of px") from error
+        if min(size) < 1:
+            raise BadFile(f"{folder / INFO} says {size[1]}x{size[0]} px", fix="positive numbers")
+        return size
     for name in ("depth", "mask"):
         path = folder / f"dataset_{name}.npz"
         if path.exists() and (maps := sorted(Archive(path).names)):
@@ -120,7 +127,7 @@ def _stored_size(folder: Path) -> tuple[int, int] | None:
 
 def _meta(folder: Path) -> dict[str, Any]:
     """The camera part of dataset_info.json, which replaces EVIMO2's pickled one; empty where there is none."""
-    path = folder / "dataset_info.json"
+    path = folder / INFO
     if not path.exists():
         return {}
     try:

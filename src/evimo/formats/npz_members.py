@@ -3,7 +3,9 @@
 An archive that was cut short has lost the table at its end; its members are then found by walking from the front.
 """
 
+import math
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -19,6 +21,12 @@ from evimo.errors import BadFile
 LOCAL_HEADER = struct.Struct("<4s5H3L2H")
 SIZES_IN_EXTRA = 0xFFFFFFFF
 CHUNK_BYTES = 1 << 18
+DAMAGED = (
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+    *(EOFError, OSError, ValueError, NotImplementedError, RuntimeError),
+)
+"""What Python's own reader of archives says of damaged ones: NotImplementedError of a compression that nobody has,
+RuntimeError of a password, ValueError and OSError of places before the file's beginning."""
 
 
 class ArrayHeader(NamedTuple):
@@ -52,7 +60,7 @@ class Archive:
         try:
             self._zip = zipfile.ZipFile(path)
             members = self._zip.namelist()
-        except (zipfile.BadZipFile, EOFError, OSError):
+        except DAMAGED:
             self._places = dict(_walk(path))
             members = list(self._places)
         self.cut_short = self._zip is None
@@ -61,9 +69,16 @@ class Archive:
             raise BadFile(f"{path.name} is a zip archive without NumPy arrays", fix="give an .npz recording")
 
     def stream(self, name: str) -> Stream:
-        """The bytes of a member, from its start."""
+        """Return the bytes of a member, from its start.
+
+        Raises:
+            BadFile: the table of the archive points to something else.
+        """
         if self._zip is not None:
-            return _Checked(self._zip.open(f"{name}.npy"))
+            try:
+                return _Checked(self._zip.open(f"{name}.npy"))
+            except DAMAGED as error:
+                raise BadFile(f"`{name}` in {self.path.name} is damaged: {error}", fix="copy the file again") from error
         offset, method = self._places[f"{name}.npy"]
         return _Salvaged(self.path, offset, deflated=method == zipfile.ZIP_DEFLATED)
 
@@ -78,7 +93,7 @@ class Archive:
     def small(self, name: str) -> NDArray[Any]:
         """A whole member of at most a thousand values, such as a matrix."""
         header = self.header(name)
-        count = int(np.prod(header.shape))
+        count = math.prod(header.shape)
         if count > 1000:
             raise BadFile(f"`{name}` in {self.path.name} has {count} values", fix="check what the file holds")
         return self.whole(name)
@@ -90,7 +105,7 @@ class Archive:
             BadFile: it is cut short, holds Python objects, or is no array.
         """
         header = self.header(name)
-        count = int(np.prod(header.shape))
+        count = math.prod(header.shape)
         stream = self.stream(name)
         skip(stream, header.offset)
         raw = stream.read(count * header.dtype.itemsize)
@@ -112,13 +127,15 @@ def array_header(stream: Stream, what: str) -> ArrayHeader:
             shape, fortran_order, dtype = npy.read_array_header_1_0(counted)
         else:
             shape, fortran_order, dtype = npy.read_array_header_2_0(counted)
-    except (ValueError, SyntaxError, EOFError) as error:
+    except (ValueError, TypeError, SyntaxError, EOFError, tokenize.TokenError, RecursionError, MemoryError) as error:
         raise BadFile(f"{what} is no whole NumPy array", fix="copy or export it again") from error
     if dtype.hasobject:
         raise BadFile(
             f"{what} holds Python objects (a pickle), which may run code when read: refused",
             fix="save it as an array of numbers",
         )
+    if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize >= 2**63:
+        raise BadFile(f"{what} has the impossible shape {shape}", fix="copy or export it again")
     return ArrayHeader(shape, fortran_order, dtype, counted.count)
 
 
@@ -154,13 +171,13 @@ class _Checked:
     def read(self, size: int) -> bytes:
         try:
             return self._file.read(size)
-        except (zipfile.BadZipFile, zlib.error, EOFError):
+        except DAMAGED:
             return b""
 
     def seek(self, size: int) -> None:
         try:
             self._file.seek(size, 1)
-        except (zipfile.BadZipFile, zlib.error, EOFError):
+        except DAMAGED:
             return
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadInput, MissingExtra
 from evimo.events.events import Events
+from evimo.writing import new_file
 
 PACKET = 10_000  # events of AEDAT 4 are found by packet
 CD_ON, TIME_HIGH = 1 << 28, 8 << 28
@@ -36,13 +37,12 @@ def save_events(packets: Iterable[Events], path: Path, *, size: tuple[int, int])
 
     Args:
         packets: sorted by time, from 0 µs on. size: height and width of the sensor, px.
+
+    Raises:
+        BadInput: it cannot be written, or the disk is full.
     """
-    unfinished = path.with_name(f".unfinished.{path.name}")
-    try:
+    with new_file(path) as unfinished:
         SAVE[path.suffix.removeprefix(".")](packets, unfinished, size)
-        unfinished.rename(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def save_aedat4(packets: Iterable[Events], path: Path, size: tuple[int, int]) -> None:

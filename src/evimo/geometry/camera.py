@@ -22,7 +22,7 @@ ASSUMED_FOCAL = 0.75  # in widths: near the middle of the event cameras with pub
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Intrinsics and lens of one sensor.
+    """A camera has a sensor, intrinsics and a lens, and maps between its pixels and directions.
 
     Convention: x is the column, y the row, and integer pixel coordinates are pixel centres. Camera axes are x right,
     y down, z forward.

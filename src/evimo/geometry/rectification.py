@@ -118,7 +118,7 @@ def rectified(camera: Camera, *, max_size: tuple[int, int] = MAX_SIZE) -> Rectif
 
 
 def halved_mask(mask: Mask, size: tuple[int, int]) -> F4:
-    """The share of each pixel's four that a mask (H, W) holds, (h, w) of half of `size`; beyond the mask is nothing."""
+    """Return the share of each pixel's four that a mask (H, W) holds, (h, w) of half of `size`; beyond is nothing."""
     whole = np.zeros(size, np.float32)
     whole[: mask.shape[0], : mask.shape[1]] = mask
     return whole.reshape(size[0] // 2, 2, size[1] // 2, 2).mean((1, 3))

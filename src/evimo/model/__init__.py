@@ -1,4 +1,4 @@
-"""The paper's two networks and what joins them: the events of five slices in, depth, egomotion and mixture out.
+"""This room holds the networks: the events of five slices go in, depth, egomotion and motion masks come out.
 
 `presets` and `weights` need no torch; the rest is for training and export.
 """

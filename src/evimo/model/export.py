@@ -1,7 +1,6 @@
 """A trained model to two ONNX graphs, one for each pass: any image size, no torch to run them."""
 
 import json
-import os
 import tempfile
 import warnings
 from dataclasses import asdict
@@ -19,11 +18,12 @@ from evimo.events.stack import FITS, VOXELS
 from evimo.model.motion_net import MotionNet
 from evimo.model.second_pass import compensation
 from evimo.model.weights import first_pass_beside
+from evimo.writing import new_file
 
 FIRST_INPUTS = ("voxels", "fits", "candidates", "valid", "intrinsics", "rotation")
 FIRST_OUTPUTS = ("rel_depth", "ego", "flow")
 SECOND_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation", "taken_ego", "taken_depth", "taken_seen")
-SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
+SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow", "confidence")
 HALVED_FROM = 1024  # elements of a weight that is stored in half precision
 
 
@@ -63,12 +63,13 @@ class Second(nn.Module):
 
         Returns:
             moving (1, 1, h, w) probability; rel_depth (1, 1, h, w); ego (1, 6) mean depths per second and rad/s;
-            velocity (1, 3, h, w) of what each pixel shows, mean depths per second; flow (1, 2, h, w) 1/s on Z = 1.
+            velocity (1, 3, h, w) of what each pixel shows, mean depths per second; flow (1, 2, h, w) 1/s on Z = 1;
+            confidence (1, 1, h, w) in the flow.
         """
         taken = compensation(taken_ego, taken_depth, taken_seen, intrinsics)
         finest = self.model.second(voxels, fits, valid, taken, intrinsics, rotation)[-1]
         moving = 1 - finest.mixture[:, :1]
-        return moving, finest.rel_depth, finest.ego, finest.object_velocity, finest.flow
+        return moving, finest.rel_depth, finest.ego, finest.object_velocity, finest.flow, finest.confidence
 
 
 def export(model: MotionNet, path: Path) -> None:
@@ -91,7 +92,7 @@ def export(model: MotionNet, path: Path) -> None:
 
 
 def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple[str, ...], ...], path: Path) -> None:
-    """Trace, fold, halve, check, write beside and rename."""
+    """Trace, fold, halve, check, write."""
     inputs, outputs = names
     free = {
         name: {2: f"{name} height", 3: f"{name} width"}
@@ -118,9 +119,8 @@ def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple
         entry = proto.metadata_props.add()
         entry.key, entry.value = key, json.dumps(value)
     onnx.checker.check_model(proto)
-    partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
-    onnx.save(proto, partial)
-    partial.replace(path)
+    with new_file(path) as file:
+        file.write_bytes(proto.SerializeToString())
 
 
 def folded(traced: Path) -> onnx.ModelProto:
@@ -149,8 +149,14 @@ def halved(proto: onnx.ModelProto) -> onnx.ModelProto:
 
 
 def shortened(proto: onnx.ModelProto) -> onnx.ModelProto:
-    """The same graph with numbers for the names inside it, which are half of a small model's file."""
+    """Return the same graph with numbers for the names inside it, which are half of a small model's file.
+
+    Raises:
+        ValueError: a node holds a graph of its own, whose names it would have to know, too.
+    """
     graph = proto.graph
+    if any(attribute.HasField("g") or attribute.graphs for node in graph.node for attribute in node.attribute):
+        raise ValueError("a node of the traced graph holds another graph")
     names = {value.name: value.name for value in (*graph.input, *graph.output)} | {"": ""}
 
     def short(name: str) -> str:

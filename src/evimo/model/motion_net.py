@@ -25,6 +25,7 @@ class Prediction(NamedTuple):
     mixture:    (B, C+1, h, w).
     seen:       (B, 2, h, w) the flow the pose network sees, 1/s on the plane Z = 1; egomotion is fitted to it.
     taken:      (B, 2, h, w) the flow that was taken out of the events, in the same unit.
+    confidence: (B, 1, h, w) how much each pixel's flow counts in the fits of the motions, 0...1.
     intrinsics: (B, 4) fx fy cx cy of this scale, px.
     valid:      (B, 1, h, w) share of the pixel that the lens sees.
     """
@@ -35,6 +36,7 @@ class Prediction(NamedTuple):
     mixture: Tensor
     seen: Tensor
     taken: Tensor
+    confidence: Tensor
     intrinsics: Tensor
     valid: Tensor
 
@@ -124,6 +126,7 @@ class MotionNet(nn.Module):
             mixture=shares(answer.logits),
             seen=(rigid + answer.left) / focal_px * SLICES_PER_S,
             taken=rigid / focal_px * SLICES_PER_S,
+            confidence=answer.trust,
             intrinsics=resized_intrinsics(intrinsics, (image_px, image_px), (1, 1)),  # padding made the ratio exact
             valid=valid,
         )

@@ -1,1 +1,1 @@
-"""Recordings: events, camera and truth of one film; what the model says of a slice, and what really happened."""
+"""This room reads and writes recordings whose truth is known, and says what an estimate and what truth is."""

@@ -42,12 +42,16 @@ class EventLabels:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The answer for one slice [start_us, stop_us), valid at its centre, in sensor pixels (H, W).
+    """An estimate says what moved, how far things were and how the camera moved in one slice [start_us, stop_us).
+
+    All is valid at the slice's centre; maps are in sensor pixels (H, W).
 
     moving_probability: (H, W) float32, 0...1; the motion mask is where it exceeds 0.5.
     ids:        (H, W) uint8, 0 is background, else `MovingObject.id`.
     rel_depth:  (H, W) float32 along the optical axis, mean 1 over the rectified image.
     flow:       (2, H, W) float32, image velocity on the plane Z = 1, in 1/s.
+    confidence: (H, W) float32, 0...1, in the flow: how much each pixel counted when the motions were fitted to it.
+                Low where events are few or say little; no probability.
     valid:      (H, W) bool, False where the lens has no rectified counterpart: the maps say nothing there.
     ego:        (6,) the camera's twist relative to the static world, camera axes:
                 translation in mean depths per second, rotation in rad/s.
@@ -62,6 +66,7 @@ class Estimate:
     ids: NDArray[np.uint8]
     rel_depth: NDArray[np.float32]
     flow: NDArray[np.float32]
+    confidence: NDArray[np.float32]
     valid: NDArray[np.bool_]
     ego: NDArray[np.float64]
     objects: tuple[MovingObject, ...]

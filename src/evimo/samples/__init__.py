@@ -1,4 +1,4 @@
-"""The recording that ships inside the package: about two seconds, simulated by us, for a first look and for tests."""
+"""This room holds the recording that comes with the package: two simulated seconds, for a first look and for tests."""
 
 from pathlib import Path
 

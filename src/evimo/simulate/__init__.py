@@ -1,4 +1,4 @@
-"""Simulate: a scene and a model of an event camera's pixels make recordings with exact truth.
+"""This room makes recordings with exact truth from a scene and a model of an event camera's pixels.
 
 `recording.simulate_recording` makes one, `dataset.simulate_dataset` many, each from its own seed.
 """

@@ -19,6 +19,7 @@ from evimo.simulate.film import check_device
 from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.recording import SLICE_S
 from evimo.simulate.workers import finished
+from evimo.writing import save_text
 
 MINUTES = 32.0
 INDEX = "replica.json"
@@ -158,9 +159,6 @@ def _write_sequence(plan: ReplicaPlan, out: Path, sequence: Sequence) -> Sequenc
 def _write_index(plan: ReplicaPlan, out: Path) -> None:
     file, text = out / INDEX, json.dumps(plan.index(), indent=1)
     if not file.exists():
-        out.mkdir(parents=True, exist_ok=True)
-        unfinished = file.with_name(f".{INDEX}.unfinished")
-        unfinished.write_text(text)
-        unfinished.rename(file)
+        save_text(text, file)
     elif file.read_text() != text:
         raise BadInput(f"{out} holds a replica of another plan", fix="the same command again, or another --out")

@@ -18,6 +18,7 @@ PER_SLICE = {
     "moving_probability": "255 x probability that the pixel shows something that moves by itself",
     "ids": "0 background, else the number in column `object` of objects.csv",
     "rel_depth": "depth along the optical axis, in mean depths",
+    "confidence": "255 x confidence in the flow: how much the pixel counted when the motions were fitted to it",
 }
 
 
@@ -25,8 +26,9 @@ class EstimatesFile:
     """Writes estimates to one HDF5 file; `close` waits for the last one.
 
     Datasets, N slices of (H, W) sensor pixels: `t_us` (N,) int64, `ego` (N, 6) float64, `moving_probability`
-    (N, H, W) uint8, `ids` (N, H, W) uint8, `rel_depth` (N, H, W) float16, and `valid` (H, W) bool, the same for all
-    slices. One slice is one gzip chunk. Each dataset says its unit and meaning in its attribute `meaning`.
+    (N, H, W) uint8, `ids` (N, H, W) uint8, `rel_depth` (N, H, W) float16, `confidence` (N, H, W) uint8, and `valid`
+    (H, W) bool, the same for all slices. One slice is one gzip chunk. Each dataset says its unit and meaning in its
+    attribute `meaning`.
     """
 
     def __init__(
@@ -51,6 +53,7 @@ class EstimatesFile:
             "moving_probability": self._dataset("moving_probability", valid.shape, np.uint8),
             "ids": self._dataset("ids", valid.shape, np.uint8),
             "rel_depth": self._dataset("rel_depth", valid.shape, np.float16),
+            "confidence": self._dataset("confidence", valid.shape, np.uint8),
         }
         self._count = 0
         self._writer = Background(self._append)
@@ -91,6 +94,7 @@ class EstimatesFile:
             "moving_probability": np.rint(estimate.moving_probability * 255).astype(np.uint8),
             "ids": estimate.ids,
             "rel_depth": estimate.rel_depth.astype(np.float16),
+            "confidence": np.rint(estimate.confidence * 255).astype(np.uint8),
         }
         for name, value in values.items():
             self._datasets[name][self._count] = value

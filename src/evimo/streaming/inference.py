@@ -21,7 +21,7 @@ FIRST_PASS = ".first.onnx"
 FIRST_INPUTS = ("voxels", "fits", "candidates", "valid", "intrinsics", "rotation")
 FIRST_OUTPUTS = ("rel_depth", "ego", "flow")
 SECOND_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation", "taken_ego", "taken_depth", "taken_seen")
-SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow")
+SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow", "confidence")
 
 
 class Seen(NamedTuple):
@@ -69,6 +69,7 @@ class Answer(NamedTuple):
     ego:       (6,) camera twist, mean depths/s and rad/s.
     velocity:  (3, h, w) of what is there, relative to the static world, camera axes, mean depths/s.
     flow:      (2, h, w) image velocity, 1/s on the plane Z = 1.
+    confidence: (h, w) how much each pixel's flow counts in the fits of the motions, 0...1.
     """
 
     moving: F4
@@ -76,13 +77,15 @@ class Answer(NamedTuple):
     ego: NDArray[np.float64]
     velocity: F4
     flow: F4
+    confidence: F4
 
     def cropped(self, height: int, width: int) -> "Answer":
-        """Without the margin to the right and below."""
-        moving, rel_depth, velocity, flow = (
-            each[..., :height, :width] for each in (self.moving, self.rel_depth, self.velocity, self.flow)
+        """Return the answer without the margin to the right and below."""
+        moving, rel_depth, velocity, flow, confidence = (
+            each[..., :height, :width]
+            for each in (self.moving, self.rel_depth, self.velocity, self.flow, self.confidence)
         )
-        return Answer(moving, rel_depth, self.ego, velocity, flow)
+        return Answer(moving, rel_depth, self.ego, velocity, flow, confidence)
 
 
 def presets() -> dict[str, Path]:
@@ -151,8 +154,9 @@ class Network:
             "taken_depth": taken.rel_depth[None, None],
             "taken_seen": taken.flow[None],
         }
-        moving, rel_depth, ego, velocity, flow = self._second.run(SECOND_OUTPUTS, feeds)
-        return Answer(moving[0, 0], rel_depth[0, 0], ego[0].astype(np.float64), velocity[0], flow[0])
+        moving, rel_depth, ego, velocity, flow, confidence = self._second.run(SECOND_OUTPUTS, feeds)
+        ego = ego[0].astype(np.float64)
+        return Answer(moving[0, 0], rel_depth[0, 0], ego, velocity[0], flow[0], confidence[0, 0])
 
 
 def _session(path: Path, content: bytes, threads: int) -> Any:

@@ -46,8 +46,8 @@ class ObjectFinder:
         moving = (answer.moving > 0.5) & self._inside
         labels = regions(moving, answer.velocity, smallest_px=self._smallest_px)
         found = self._identities.follow(labels)
-        maps = np.concatenate((answer.moving[None], answer.rel_depth[None], answer.flow))
-        probability, rel_depth, *flow = self._to_sensor.bilinear(maps)
+        maps = np.concatenate((np.stack((answer.moving, answer.rel_depth, answer.confidence)), answer.flow))
+        probability, rel_depth, confidence, *flow = self._to_sensor.bilinear(maps)
         ids = self._to_sensor.nearest(found)
         ids[~(self._valid & (probability > 0.5))] = 0
         return Estimate(
@@ -58,6 +58,7 @@ class ObjectFinder:
             ids=ids,
             rel_depth=rel_depth,
             flow=np.stack(flow),
+            confidence=confidence,
             valid=self._valid,
             ego=answer.ego,
             objects=measured(ids, rel_depth, rel_velocities(found, answer)),

@@ -9,12 +9,12 @@ from evimo.events.slices import SLICE_US
 from evimo.recordings.estimate import Estimate
 from evimo.streaming.estimates_file import EstimatesFile
 from evimo.streaming.events_file import EventsFile
-from evimo.streaming.output_folder import OutputFolder
 from evimo.streaming.pipeline import Run
 from evimo.streaming.tables import Tables
 from evimo.streaming.threads import Background
 from evimo.viewing.panels import Panels
 from evimo.viewing.video import VideoWriter
+from evimo.writing import OutputFolder
 
 Output = TypeVar("Output", Tables, EstimatesFile, EventsFile, "Video")
 

@@ -11,7 +11,7 @@ from contextlib import closing
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from evimo.events.local_motion import motion_candidates
 from evimo.events.slices import Slice, in_slices, in_stacks
 from evimo.events.stack import EventStack
 from evimo.formats.event_file import EventFile
+from evimo.formats.in_memory import recording_of
+from evimo.formats.opening import open_events
+from evimo.geometry.calibration import load_camera
 from evimo.geometry.camera import Camera, assumed_camera
 from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
@@ -55,10 +58,11 @@ class Looked(NamedTuple):
 
 
 def run(
-    events: EventFile,
+    events: EventFile | Events | str | Path | NDArray[Any],
     *,
     model: str | Path = "small",
-    camera: Camera | None = None,
+    camera: Camera | str | Path | None = None,
+    sensor: tuple[int, int] | None = None,
     start_s: float = 0.0,
     stop_s: float | None = None,
     event_labels: bool = False,
@@ -67,9 +71,12 @@ def run(
     """Estimate depth, moving objects and motion for each complete slice of 25 ms.
 
     Args:
-        events: from `open_events`.
+        events: a recording, from `open_events`; or its path; or events in memory: `Events`, a structured array with
+            fields t, x, y and p, or an array (N, 4) whose columns are t, x, y and p; t in whole µs.
         model: a preset's name, or the path of an ONNX file.
-        camera: of the sensor; without it what the recording says of itself, else a guess (with a warning).
+        camera: of the sensor, or the path of a calibration file; without it what the recording says of itself, else a
+            guess (with a warning).
+        sensor: (height, width) in px, where the recording does not tell; of events in memory the camera's is known.
         start_s: seconds after the first event. Start and stop select slices, they never move them: slice k is
             [k·25 ms, (k + 1)·25 ms) of the recording's own clock, and its estimate is the same in any span (the ids
             of objects count from the first slice of the span).
@@ -78,12 +85,16 @@ def run(
         imu: `auto` takes the camera's rotation from the recording's gyroscope where there is one; `off` does not.
 
     Raises:
-        NotFound, BadFile: the model.
-        BadInput: the camera is of another size, the span holds no complete slice, or `imu` is neither.
+        NotFound, BadFile: the model, or the recording or calibration at that path.
+        BadInput: `events` are none, or not on the camera; the camera is of another size; the span holds no complete
+            slice; `imu` is neither.
     """
+    recording = _recording(events, sensor, camera if isinstance(camera, Camera) else None)
+    if isinstance(camera, str | Path):
+        camera = load_camera(camera, size=recording.sensor, topic=recording.topic)
     return _estimates(
         Run(
-            events,
+            recording,
             Network(model),
             camera=camera,
             start_s=start_s,
@@ -92,6 +103,16 @@ def run(
             imu=imu,
         )
     )
+
+
+def _recording(
+    events: EventFile | Events | str | Path | NDArray[Any], sensor: tuple[int, int] | None, camera: Camera | None
+) -> EventFile:
+    if isinstance(events, EventFile):
+        return events
+    if isinstance(events, str | Path):
+        return open_events(events, sensor=sensor)
+    return recording_of(events, sensor=sensor or (camera.size if camera else None))
 
 
 def _estimates(prepared: "Run") -> Iterator[Estimate]:

@@ -8,7 +8,7 @@ from evimo.events.slices import SLICE_US
 from evimo.formats.event_file import EventFile
 
 STACKED = 5  # slices of a stack, two before and two after its middle one
-AGREEING = 3  # slices whose masks agree, one before and one after
+AGREEING = 3  # slices whose masks agree: one before, the slice itself and one after
 CONTEXT = 2 * (STACKED // 2) + AGREEING // 2  # slices to each side that an estimate depends on: stacks of stacks
 
 

@@ -1,1 +1,1 @@
-"""From recordings with truth to weights: batches, recipes, the objective, the loop."""
+"""This room trains the networks on recordings with truth: batches, recipes, the objective and the loop."""

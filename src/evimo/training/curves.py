@@ -14,6 +14,7 @@ from evimo.model.motion_net import MotionNet
 from evimo.recordings.prepared import Prepared
 from evimo.training.logs import Log, log_rows
 from evimo.training.validation import middle_events, slice_answered, validated
+from evimo.writing import explained
 
 PICTURES = 4  # recordings that are shown, in the middle
 SLICES_SCORED = 5  # one slice in so many
@@ -57,10 +58,15 @@ def picture(model: MotionNet, recording: Prepared) -> NDArray[np.uint8]:
 
 @contextmanager
 def open_curves(out: Path, recordings: Sequence[Prepared], *, step: int) -> Generator[Curves]:
-    """The curves of the run in a folder, which go on after a step."""
-    writer = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
-    try:
-        with log_rows(out / "log.csv", step) as losses, log_rows(out / "validation.csv", step) as scores:
-            yield Curves(recordings, writer, losses, scores)
-    finally:
-        writer.close()
+    """The curves of the run in a folder, which go on after a step.
+
+    Raises:
+        BadInput: they cannot be written, or the disk is full.
+    """
+    with explained(out / "tensorboard"):
+        writer = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
+        try:
+            with log_rows(out / "log.csv", step) as losses, log_rows(out / "validation.csv", step) as scores:
+                yield Curves(recordings, writer, losses, scores)
+        finally:
+            writer.close()

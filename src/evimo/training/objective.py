@@ -117,6 +117,7 @@ def as_prediction(answer: FirstAnswer, intrinsics: Tensor) -> Prediction:
         mixture=torch.cat((still + 1, still), dim=1),
         seen=answer.flow * per_second,
         taken=answer.flow * 0,
+        confidence=still + 1,
         intrinsics=resized_intrinsics(intrinsics, (FIRST_STEP, FIRST_STEP), (1, 1)),
         valid=answer.valid,
     )
@@ -205,7 +206,7 @@ def _px_per_s(flow: Tensor, prediction: Prediction) -> Tensor:
 
 
 def slice_frames(counts: Tensor) -> Tensor:
-    """The paper's image of each slice, both counts and the mean time, (B, 5, 3, h, w), for its coarse warp loss.
+    """Return the paper's image of each slice, both counts and the mean time, (B, 5, 3, h, w), for its coarse warp loss.
 
     From counts (B, 30, h, w) by slice, bin and polarity; times are those of bins.
     """

@@ -64,7 +64,9 @@ class Sums:
 def validated(
     model: MotionNet, recordings: Sequence[Prepared], *, every: int = 5, gyroscope: bool = False, oracle: bool = False
 ) -> dict[str, float]:
-    """Scores of a model on recordings, of one slice in `every`; see `Sums.scores`.
+    """Return the scores of a model on recordings, of one slice in `every`; see `Sums.scores`.
+
+    Slice by slice: without the agreement of neighbours that a run adds to the masks (docs/decisions/0008).
 
     gyroscope: whether it knows the true rotation. oracle: whether events are compensated by the truth.
     """
