@@ -9,8 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-WORDS = ("evt2", "evt21", "evt3")
-
 
 def faery(path: Path) -> int:
     """In packets, as they come."""
@@ -61,10 +59,8 @@ READERS: dict[str, tuple[Callable[[Path], int], ...]] = {
     "RAW, EVT 2.1": (evutils,),
     "RAW, EVT 3": (faery, evutils, evt3, expelliarmus),
     "DAT": (faery, evutils, expelliarmus),
-    "AEDAT 2": (),
     "AEDAT 4": (faery, aedat, dv_processing),
     "Event Stream": (faery,),
-    "text": (),
 }
 
 

@@ -62,6 +62,29 @@ def write_text(folder: Path, events: Events) -> Path:
     return folder / "a.txt"
 
 
+def write_csv(folder: Path, events: Events) -> Path:
+    """As pandas and Metavision write it, whole µs."""
+    columns = np.stack([events.t, events.x, events.y, events.p > 0], axis=1)
+    np.savetxt(folder / "a.csv", columns, fmt="%d", delimiter=",", header="t,x,y,p", comments="")
+    return folder / "a.csv"
+
+
+def write_hdf5(folder: Path, events: Events, *, packed: bool) -> Path:
+    """As DSEC stores it, with blosc or as plain arrays."""
+    import h5py
+    import hdf5plugin
+
+    how = {"chunks": (1 << 16,), **hdf5plugin.Blosc(cname="zstd", clevel=5)} if packed else {}
+    path = folder / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name, kind in (("x", "u2"), ("y", "u2"), ("t", "u4"), ("p", "u1")):
+            column = (events.p > 0) if name == "p" else getattr(events, name)
+            file.create_dataset(f"events/{name}", data=column.astype(kind), **how)
+        file["t_offset"] = 0
+        file["ms_to_idx"] = np.searchsorted(events.t, np.arange(0, events.t[-1] // 1000 + 1) * 1000)
+    return path
+
+
 def write_event_stream(folder: Path, events: Events) -> Path:
     """One byte of time step each: no two events are 127 µs apart."""
     stored = np.zeros(len(events), [("t", "u1"), ("x", "<u2"), ("y", "<u2")])
@@ -91,7 +114,10 @@ FORMATS: dict[str, Callable[[Path, Events], Path]] = {
     "EV-IMO npz, compressed": lambda folder, events: write_npz(folder, events, packed=True),
     "EV-IMO npz, stored": lambda folder, events: write_npz(folder, events, packed=False),
     "EVIMO2 folder": write_evimo2,
-    "text": write_text,
+    "text, seconds": write_text,
+    "CSV, µs": write_csv,
+    "HDF5 (DSEC, blosc)": lambda folder, events: write_hdf5(folder, events, packed=True),
+    "HDF5, plain": lambda folder, events: write_hdf5(folder, events, packed=False),
     "AEDAT 4 (LZ4)": write_aedat4,
     "AEDAT 3": write_aedat3,
     "AEDAT 2": write_aedat2,

@@ -32,6 +32,11 @@ def rows(packets):
     ]
 
 
+@pytest.fixture(name="some_events")
+def _some_events():
+    return some_events
+
+
 @pytest.fixture(name="rows")
 def _rows():
     return rows

@@ -36,6 +36,10 @@ COUNTED = {
     "formats/ros/test_data_libcaer_rollover": ((480, 640), 334_331),
     "formats/ros/test_data_mono_cd": ((480, 640), 100),
     "formats/text/ecd_text/events.txt": ((260, 346), 35_525),
+    "formats/hdf5/davis346_1s_dsec_style.h5": ((260, 346), 35_525),
+    "formats/hdf5/davis346_1s_mvsec_style.h5": ((260, 346), 35_525),
+    "recordings/davis346_night/events.npz": ((260, 346), 130_444),
+    "recordings/davis240_pan_tilt/events.npz": ((180, 240), 132_784),
 }
 
 

@@ -136,7 +136,7 @@ def test_garbage_costs_what_it_covers(kind, some_events, words_of_noise):
         first = int(draw.integers(len(stream) // 4, len(stream) // 2))
         last = first + words_of_noise
         stream[first:last] = draw.integers(0, np.iinfo(stream.dtype).max, words_of_noise, stream.dtype)
-        found, lost = kind.decoded(stream, block=1 << 14)
+        found, _ = kind.decoded(stream, block=1 << 14)
         margin = 40_000 if kind.shift == 12 else 2_000  # µs until the clock is trusted again
         gone = events.t[np.searchsorted(places, first)], events.t[np.searchsorted(places, last)]
         beyond = (events.t < gone[0] - margin) | (events.t > gone[1] + margin)

@@ -68,6 +68,34 @@ def test_what_cannot_be_read_is_said_with_a_way_out(tmp_path, content, words):
         open_events(path)
 
 
+@pytest.mark.parametrize("suffix", [".aedat4", ".raw", ".bag", ".h5", ".npz", ".es", ".txt", ".csv", ""])
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        ("version https://git-lfs.github.com/spec/v1\noid sha256:ab\nsize 1\n", "a git-lfs pointer"),
+        ("/annex/objects/SHA256E-s1--ab.h5\n", "a git-annex pointer"),
+        ("\ufeff\n<!DOCTYPE html>\n<html><head><title>Drive</title>", "a web page"),
+        ("<html>", "a web page"),
+        ('<?xml version="1.0"?>\n<opencv_storage>', "an XML file"),
+        ("%YAML:1.0\n---\nK: 1\n", "a YAML file"),
+        ('{"error": "not found"}', "a JSON file"),
+        ("# My data set\n\nDownload 1 2 3 4 files, then run it.\n", "a text, such as a README"),
+        ("Not Found", "a text, such as a README"),
+    ],
+)
+def test_what_stands_in_place_of_a_recording_is_called_that(tmp_path, suffix, content, words):
+    path = tmp_path / f"recording{suffix}"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(BadFile, match=rf"recording\S* is {words}"):
+        open_events(path)
+
+
+def test_an_option_that_means_nothing_for_a_file_is_said(tmp_path):
+    (tmp_path / "a.txt").write_text("0 1 2 1\n10 3 4 0\n")
+    with pytest.warns(EvimoWarning, match="--topic means nothing for it and is ignored"):
+        open_events(tmp_path / "a.txt", sensor=(48, 64), topic="left")
+
+
 def test_folders_without_a_recording(tmp_path):
     with pytest.raises(BadFile, match="no EVIMO2 recording"):
         open_events(tmp_path)
@@ -79,11 +107,7 @@ def test_folders_without_a_recording(tmp_path):
 @pytest.mark.parametrize(
     "name, words",
     [
-        ("formats/prophesee/evt2.raw", "Prophesee"),
-        ("formats/prophesee/evt3.raw", "Prophesee recording .evt 3.0"),
-        ("formats/prophesee/sample_ncars.dat", "Prophesee"),
         ("formats/prophesee/evt3_sample.npy", "NumPy array"),
-        ("formats/hdf5/davis346_1s_dsec_style.h5", "HDF5"),
     ],
 )
 def test_real_files_of_later_formats_are_named(shared_data, name, words):

@@ -14,14 +14,14 @@ HEAD = b"% Data file containing CD events.\n% Version 2\n% Date 2017-10-31 11:29
 
 def record(x, y, t, p, *, version=2):
     columns, rows, sign = {1: (9, 8, 17), 2: (14, 14, 28)}[version]
-    return struct.pack("<II", t % 2**32, x | y << columns | (p > 0) << sign) if rows else b""
+    assert x < 1 << columns and y < 1 << rows
+    return struct.pack("<II", t % 2**32, x | y << columns | (p > 0) << sign)
 
 
 def written(path, events, *, head=HEAD, kind=b"\x0c\x08", version=2, end=b""):
     columns = (column.tolist() for column in (events.x, events.y, events.t, events.p))
-    path.write_bytes(
-        head + kind + b"".join(record(*event, version=version) for event in zip(*columns, strict=True)) + end
-    )
+    records = [record(*event, version=version) for event in zip(*columns, strict=True)]
+    path.write_bytes(head + kind + b"".join(records) + end)
     return path
 
 
@@ -89,3 +89,14 @@ def test_a_real_file(shared_data):
     assert events.x.tolist() == [a & 0x3FFF for _, a in stored]
     assert events.y.tolist() == [a >> 14 & 0x3FFF for _, a in stored]
     assert np.array_equal(events.p > 0, [a >> 28 == 1 for _, a in stored])
+
+
+@pytest.mark.parametrize("at", [0, 1, 500, 999])
+def test_a_damaged_time_costs_its_own_event(tmp_path, events, at):
+    path = written(tmp_path / "a.dat", events)
+    raw = bytearray(path.read_bytes())
+    raw[-8 * (1000 - at) + 3] ^= 0x80
+    path.write_bytes(raw)
+    with pytest.warns(EvimoWarning, match="1 events"):
+        found = joined(list(open_events(path)))
+    assert found.t.tolist() == np.delete(events.t, at).tolist()

@@ -1,12 +1,18 @@
 """Text and CSV, against lines written with Python's own formatting."""
 
+import csv
+import gzip
+import hashlib
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile, BadInput, EvimoWarning
+from evimo.events.events import joined
 from evimo.formats import open_events, text_source
+from evimo.formats.zstandard import zstd
 
 SIZE = (48, 64)
 QUIET = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -145,6 +151,106 @@ def test_unsorted_lines_are_sorted_and_counted(tmp_path):
 def test_what_is_no_recording_is_said(tmp_path, content, words):
     with pytest.raises(BadFile, match=words):
         open_events(written(tmp_path / "a.txt", content))
+
+
+@pytest.mark.parametrize(
+    "top, form, on, off",
+    [
+        ("%geometry:64,48\n", "{x},{y},{p},{t}", 1, 0),  # metavision_file_to_csv
+        ("% geometry 64x48\n% x y p t\n", "{x},{y},{p},{t}", 1, 0),
+        ("t,x@64,y@48,on\r\n", "{t},{x},{y},{p}\r", 1, 0),  # faery
+        ("64 48\n", "{t} {x} {y} {p}", "True", "False"),
+    ],
+)
+def test_exports_that_tell_their_size_are_read(tmp_path, events, rows, top, form, on, off):
+    opened = open_events(written(tmp_path / "a.csv", top + listed(events, form, on=on, off=off)))
+    assert opened.sensor == SIZE and rows(opened) == rows([events])
+
+
+@pytest.mark.parametrize(
+    "top, form, on, off",
+    [
+        (",t,x,y,p\n", "{i},{t},{x},{y},{p}", "True", "False"),  # pandas
+        ("", "{i},{t},{x},{y},{p}", "true", "false"),
+        ("timestamp,x,y,polarity,label\n", "{t},{x},{y},{p},car", 1, 0),
+        ("# t x y p\n", "{t} {x} {y} {p}", 1, 0),  # numpy.savetxt with a header
+        ('"x";"y";"t";"p"\n', '"{x}";"{y}";"{t}";"{p}"', 1, -1),
+        ("", "{x} {y} {t} {p}", 1, 0),  # N-Cars
+        ("", "{x}\t{y}\t{p}\t{t}", 1, 0),
+        ("", "{x} {y} {s:.6f} {p}", 1, 0),
+        ("", "{p};{t};{x};{y}", 1, 0),
+        ("\ufeff", "{t},{x},{y},{p}", 1, 0),
+        ("\ufefft,x,y,p\n", "{t},{x},{y},{p}", 1, 0),
+    ],
+)
+def test_exports_are_read(tmp_path, events, rows, top, form, on, off):
+    numbered = listed(events, form.replace("{i}", "@"), on=on, off=off).split("\n")
+    body = "\n".join(line.replace("@", str(number)) for number, line in enumerate(numbered))
+    assert rows(open_events(written(tmp_path / "a.csv", top + body), sensor=SIZE)) == rows([events])
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig", "latin-1"])
+@pytest.mark.parametrize("packed", ["", ".gz", ".zst"])
+@pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
+def test_wrappings_are_taken_off(tmp_path, events, rows, encoding, packed, ends, monkeypatch):
+    monkeypatch.setattr(text_source, "BLOCK_BYTES", 1000)
+    content = "# Größe\n" + listed(events, "{s:.6f},{x},{y},{p}")
+    raw = content.replace("\n", ends).encode(encoding)
+    pack = {"": bytes, ".gz": gzip.compress, ".zst": zstd().compress}[packed]
+    path = tmp_path / f"a.csv{packed}"
+    path.write_bytes(pack(raw))
+    opened = open_events(path, sensor=SIZE)
+    assert rows(opened) == rows([events])
+    assert rows(opened.packets(70_000, 130_000)) == rows([events.between(70_000, 130_000)])
+
+
+def test_a_compressed_text_cut_short_is_read_up_to_there(tmp_path):
+    draw = np.random.default_rng(0)
+    lines = "".join(f"{10 * t} {draw.integers(64)} {draw.integers(48)} {t & 1}\n" for t in range(20_000))
+    for name, pack in (("a.txt.gz", gzip.compress), ("a.txt.zst", zstd().compress)):
+        packed = pack(lines.encode())
+        (tmp_path / name).write_bytes(packed[: len(packed) // 2])
+        with pytest.warns(EvimoWarning, match="damaged or cut short"):
+            count = sum(map(len, open_events(tmp_path / name, sensor=SIZE)))
+        assert 2000 < count < 18_000, name
+
+
+def test_pixels_between_pixels_are_rounded_and_said(tmp_path):
+    path = written(tmp_path / "a.txt", "0 1.4 2.6 1\n10 63.2 46.5 0\n20 -0.4 0 1\n30 5.0 7.0 0\n")
+    with pytest.warns(EvimoWarning, match="3 events lie between pixels and are rounded"):
+        opened = open_events(path, sensor=SIZE)
+    (packet,) = opened
+    assert (packet.x.tolist(), packet.y.tolist()) == ([1, 63, 0, 5], [3, 47, 0, 7])
+
+
+def test_said_columns_are_taken_as_said(tmp_path):
+    path = written(tmp_path / "a.txt", "7 5 1 3 9\n8 6 0 4 9\n")
+    (packet,) = open_events(path, sensor=SIZE, columns="tyPx_")
+    assert (packet.t.tolist(), packet.x.tolist(), packet.y.tolist()) == ([7, 8], [3, 4], [5, 6])
+    assert packet.p.tolist() == [1, -1]
+    with pytest.raises(BadFile, match=r"has 5 columns .*, not the 4 of 'txyp'"):
+        open_events(path, columns="txyp")
+    with pytest.raises(BadInput, match="does not name t, x, y and p once each"):
+        open_events(path, columns="txyy")
+
+
+def test_columns_that_nothing_tells_apart_are_asked_for(tmp_path):
+    lines = "".join(f"{k % 2} {k} {k % 2} {k}\n" for k in range(40))
+    with pytest.raises(BadFile, match=r"its columns may be .* or .*, nothing tells\n  try: .*--columns"):
+        open_events(written(tmp_path / "a.txt", lines))
+
+
+def test_csv_has_the_digests_of_the_recording_it_was_made_from(tmp_path, shared_data):
+    source = joined(list(open_events(shared_data("formats/event_stream/dvs.es"))))
+    columns = np.stack([source.t, source.x, source.y, source.p > 0], axis=1)
+    np.savetxt(tmp_path / "dvs.csv", columns, fmt="%d", delimiter=",", header="t,x,y,on", comments="")
+    events = joined(list(open_events(tmp_path / "dvs.csv", sensor=(240, 320))))
+    with shared_data("formats/expected_digests.csv").open() as table:
+        expected = {row["field"]: row for row in csv.DictReader(table) if row["format"] == "csv"}
+    stored = {"t": events.t.astype("<u8"), "x": events.x, "y": events.y, "on": events.p > 0}
+    for field, column in stored.items():
+        digest = hashlib.sha3_224(column.tobytes()).hexdigest()
+        assert digest == expected[field]["sha3_224_of_the_column_bytes"], field
 
 
 def test_circles_are_no_events(shared_data):

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -61,7 +62,8 @@ def open_aedat3(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
 
 
 def _packets(path: Path, offset: int, kinds: np.ndarray[tuple[int], np.dtype[np.int64]]) -> WordFile:
-    return WordFile(path, offset, np.dtype("u1"), partial(decode_aedat3, kinds=kinds))
+    decode: Any = partial(decode_aedat3, kinds=kinds)
+    return WordFile(path, offset, np.dtype("u1"), decode)
 
 
 def _header(path: Path) -> tuple[int, str]:

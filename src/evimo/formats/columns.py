@@ -18,6 +18,7 @@ NAMES = {
     "p": {"p", "ps", "pol", "polarity", "polarities", "on"},
 }
 LARGEST_PIXEL = 16384  # beyond every sensor
+FEW_ROWS = 10  # fewer say nothing of what rises
 FIX = "name the columns in their order with --columns, a letter each, as in txyp or xytp; _ for one to leave out"
 
 
@@ -90,7 +91,7 @@ class _Column:
         self.is_polarity = _mostly(np.isin(finite, (-1, 0, 1)))
         self.is_pixel = _mostly((finite > -LARGEST_PIXEL) & (finite < LARGEST_PIXEL))
         self.is_whole = _mostly(finite == np.rint(finite))
-        self.rises = bool(len(finite) > 1 and finite[-1] > finite[0] and (np.diff(finite) >= 0).mean() > 0.9)
+        self.rises = bool(len(finite) >= FEW_ROWS and finite[-1] > finite[0] and (np.diff(finite) >= 0).mean() > 0.9)
 
 
 def _mostly(right: NDArray[np.bool_]) -> bool:

@@ -22,7 +22,7 @@ class Decoder(Protocol):
     """Decodes the messages of one topic in order."""
 
     def __call__(self, payload: memoryview, expected_us: int) -> Events:
-        """The events of a message, but those that must wait; expected_us is about the time of the last, 0 if unknown."""
+        """The events of a message, less those that wait for more; expected_us is about the time of the last, or 0."""
         ...
 
     def rest(self) -> Events:

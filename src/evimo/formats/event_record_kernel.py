@@ -16,7 +16,7 @@ def decode_dat(records, state, final, bits):
     """DAT events (N, 2) u4: time in µs, then column, row and polarity; state[0] is the time reached.
 
     `bits` are those of the column and of the row, and where the polarity is. Each time is the one nearest to that
-    before it whose low 32 bits are as stored. Returns as `decode_evt2`.
+    before it whose low 32 bits are as stored, and not negative. Returns as `decode_evt2`.
     """
     count = len(records)
     x, y = np.empty(count, np.uint16), np.empty(count, np.uint16)
@@ -29,6 +29,7 @@ def decode_dat(records, state, final, bits):
     for at in range(count):
         address = records[at, 1]
         reached += np.int32(records[at, 0] - np.uint32(reached))
+        reached += (reached < 0) << 32
         x[at], y[at], t[at] = address & of_column, address >> columns & of_row, reached
         p[at] = 2 * np.int8(address >> sign & 1) - 1
     state[0] = reached

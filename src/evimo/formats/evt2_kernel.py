@@ -17,9 +17,11 @@ from evimo.formats.evt_clock_kernel import (
     UNKNOWN,
     advance,
     believed_clocks,
+    clock_words,
 )
 
 BITS, LOW_BITS = 28, 6
+SHIFT, HIGH = np.uint32(28), np.uint32(8)
 NEAR = 4096  # units of 64 µs
 HASH = np.uint32(0x077CB531)  # whose upper five bits tell apart all products with powers of two (de Bruijn)
 PLACES = np.zeros(32, np.int64)
@@ -38,10 +40,8 @@ def evt2_state():
 @njit(cache=True, nogil=True)
 def decode_evt2(words, state, final):
     """Events of EVT 2.0 words (u4), how many words were used, and how many events are lost; as `decode_evt3`."""
-    highs = 0
-    for word in words:
-        highs += word >> 28 == 8
-    clocks, places = _clocks(words, highs, state, final)
+    values, places = clock_words(words, SHIFT, HIGH)
+    clocks = believed_clocks(values, state, BITS, NEAR, final)
     stop = _stop(len(words), clocks, places)
     x, y = np.empty(stop + 1, np.uint16), np.empty(stop + 1, np.uint16)
     t, p = np.empty(stop + 1, np.int64), np.empty(stop + 1, np.int8)
@@ -65,18 +65,6 @@ def decode_evt2(words, state, final):
 
 
 @njit(cache=True, nogil=True)
-def _clocks(words, highs, state, final):
-    """The believed time and the place of each TIME HIGH."""
-    values, places = np.empty(highs, np.int64), np.empty(highs, np.int64)
-    highs = 0
-    for at in range(len(words)):
-        if words[at] >> 28 == 8:
-            values[highs], places[highs] = words[at] & 0xFFFFFFF, at
-            highs += 1
-    return believed_clocks(values, state, BITS, NEAR, final), places
-
-
-@njit(cache=True, nogil=True)
 def _stop(count, clocks, places):
     """The place of the first TIME HIGH that must wait for what follows, `count` if there is none."""
     for at in range(len(clocks)):
@@ -89,11 +77,11 @@ def _stop(count, clocks, places):
 def decode_evt21(halves, state, final, head):
     """Events of EVT 2.1 words, (N, 2) u4, half number `head` of which tells the kind; as `decode_evt2`."""
     heads, pixels = halves[:, head], halves[:, 1 - head]
-    highs, most = 0, 32
+    most = 1
     for at in range(len(heads)):
-        highs += heads[at] >> 28 == 8
         most += _ones(pixels[at]) if heads[at] >> 29 == 0 else 0
-    clocks, places = _clocks(heads, highs, state, final)
+    values, places = clock_words(heads, SHIFT, HIGH)
+    clocks = believed_clocks(values, state, BITS, NEAR, final)
     stop = _stop(len(heads), clocks, places)
     x, y = np.empty(most, np.uint16), np.empty(most, np.uint16)
     t, p = np.empty(most, np.int64), np.empty(most, np.int8)

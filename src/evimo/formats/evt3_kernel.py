@@ -18,9 +18,11 @@ from evimo.formats.evt_clock_kernel import (
     UNKNOWN,
     advance,
     believed_clocks,
+    clock_words,
 )
 
 BITS = 12
+SHIFT, ONE, SINGLE, VECTOR, HIGH = (np.uint16(number) for number in (12, 1, 2, 2, 8))
 NEAR = 64  # units of 4.096 ms
 SOONER_US = 1 << 20  # the first time is before `expected_us`, or later by less than this
 
@@ -44,20 +46,18 @@ def evt3_state(expected_us):
 
 
 @njit(cache=True, nogil=True)
-def counted(words):
-    """How many events there are at most, and the values and positions of the TIME HIGH words."""
-    events, highs = np.uint32(0), np.uint32(0)
-    for at in range(len(words)):
-        kind = words[at] >> np.uint16(12)
-        events += np.uint32(kind == 2) + np.uint32(12) * np.uint32(kind >> 1 == 2)
-        highs += np.uint32(kind == 8)
-    values, places = np.empty(highs, np.int64), np.empty(highs, np.int64)
-    number = 0
-    for at in range(len(words)):
-        if number < len(values):
-            values[number], places[number] = words[at] & 0xFFF, at
-            number += words[at] >> 12 == 8
-    return np.int64(events), values, places
+def most_events(words):
+    """How many events there are at most, counted in numbers as short as the words: many at a time."""
+    most = 0
+    for first in range(0, len(words), 4096):
+        some = words[first : first + 4096]
+        single, vectors = np.uint16(0), np.uint16(0)
+        for at in range(len(some)):
+            kind = some[at] >> SHIFT
+            single += np.uint16(kind == SINGLE)
+            vectors += np.uint16(kind >> ONE == VECTOR)
+        most += np.int64(single) + 12 * np.int64(vectors)
+    return most
 
 
 @njit(cache=True, nogil=True)
@@ -92,13 +92,14 @@ def decode_evt3(words, state, final):
     The words that were not used must be given again, before those that follow; where none follow, `final` says so.
     Within one TIME HIGH the lower bits only grow: those followed by lower ones, or lower than those before, are lost.
     """
-    most, values, places = counted(words)
+    most = most_events(words)
+    values, places = clock_words(words, SHIFT, HIGH)
     clocks = believed_clocks(values, state, BITS, NEAR, final)
     stop = len(words) if final else settled(words, clocks, places)
     x, y = np.empty(most + 1, np.uint16), np.empty(most + 1, np.uint16)
     t, p = np.empty(most + 1, np.int64), np.empty(most + 1, np.int8)
     tally = np.zeros(TALLY_SIZE, np.int64)
-    decode_words(words[:stop], clocks, state, tally, (x, y, t, p), words)
+    decode_words(words, stop, clocks, state, tally, (x, y, t, p))
     if 0 < stop < len(words) and not final and words[stop] & 0xFFF < state[TOP]:
         low = lower(np.int64(words[stop] & 0xFFF), next_low(words, stop), state[TOP], state[BEFORE])
         if low[3]:
@@ -117,14 +118,14 @@ def undo(tally):
 
 
 @njit(cache=True, nogil=True)
-def decode_words(words, clocks, state, tally, columns, more):
-    """The events of words whose clocks are told; `more` are the same words and those that follow."""
+def decode_words(words, stop, clocks, state, tally, columns):
+    """The events of the words before number `stop`; those after it are looked at where times go back."""
     x, y, t, p = columns
     low, top, before, sound = state[LOW], state[TOP], state[BEFORE], state[SOUND]
     row, base, polarity = state[ROW], state[BASE], state[POLARITY]
     count, gone, mark, high, number = 0, 0, 0, state[CLOCK] << BITS, 0
     kept, missed, now = standing(sound, high, low)
-    for place in range(len(words)):
+    for place in range(stop):
         kind, value = np.int64(words[place] >> 12), np.int64(words[place] & 0xFFF)
         if kind == 2:
             x[count], y[count], t[count], p[count] = value & 0x7FF, row, now, 2 * (value >> 11) - 1
@@ -135,22 +136,19 @@ def decode_words(words, clocks, state, tally, columns, more):
             while value != 0:
                 x[count], y[count], t[count], p[count] = base + LOWEST_BIT[value], row, now, polarity
                 count, gone, value = count + kept, gone + missed, value & (value - 1)
-            base += 4 * (7 - kind)  # by 12 pixels, or by 8
+            base += 12 if kind == 4 else 8
         elif kind == 6:
-            undone = False
             if value >= top:
                 low, before, top = value, top, value
             else:
-                low, top, before, undone = lower(value, next_low(more, place), top, before)
-            if undone:
-                gone, count = gone + count - mark, mark
+                low, top, before, undone = lower(value, next_low(words, place), top, before)
+                count, gone = (mark, gone + count - mark) if undone else (count, gone)
             mark = count
             kept, missed, now = standing(sound, high, low)
         elif kind == 8:
             clock, number = clocks[number], number + 1
-            if sound == NONE_YET:
-                low = top = before = UNKNOWN
-            if clock != LOST and clock << BITS != high:
+            low = after_high(sound, low)
+            if sound == NONE_YET or (clock != LOST and clock << BITS != high):
                 high, top, before, mark = clock << BITS, UNKNOWN, UNKNOWN, count
             sound = BAD if clock == LOST else GOOD
             kept, missed, now = standing(sound, high, low)
@@ -159,6 +157,12 @@ def decode_words(words, clocks, state, tally, columns, more):
     state[LOW], state[TOP], state[BEFORE], state[SOUND] = low, top, before, sound
     state[ROW], state[BASE], state[POLARITY] = row, base, polarity
     tally[COUNT], tally[GONE], tally[MARK] = count, gone, mark
+
+
+@njit(cache=True, nogil=True)
+def after_high(sound, low):
+    """The lower bits after a TIME HIGH: those before the first one may belong to any."""
+    return np.int64(UNKNOWN) if sound == NONE_YET else low
 
 
 @njit(cache=True, nogil=True)

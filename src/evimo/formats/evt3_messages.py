@@ -42,9 +42,9 @@ class Evt3Messages:
         return self._decoded(self._state, final=True)
 
     def _decoded(self, state: NDArray[np.int64], *, final: bool) -> MarredEvents:
-        *columns, used, lost = decode_evt3(self._waiting, state, final)
+        x, y, t, p, used, lost = decode_evt3(self._waiting, state, final)
         self._waiting = self._waiting[used:]
-        return MarredEvents(*columns, lost=lost)
+        return MarredEvents(x, y, t, p, lost=lost)
 
 
 def _length_us(words: NDArray[np.uint16]) -> int:

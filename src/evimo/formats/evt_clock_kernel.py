@@ -10,12 +10,36 @@ import numpy as np
 from numba import njit
 
 UNKNOWN, LOST, UNDECIDED = -1, -2, -3
+PART = 64  # words that are searched at a time
 NEXT, MANY = 4, 8  # so many words after it speak for or against a step; of sparse recordings, more are asked
 STEADY = 16  # after so many small steps a last long one, which nothing follows, is not believed
 
 # What is kept from one block of words to the next: the last time believed, in units of the word, with the rounds of
 # the clock counted; small steps since the last long one; and about when the first word was, in the same units.
 CLOCK, STEPS, EXPECTED, CLOCK_STATE = 0, 1, 2, 3
+
+
+@njit(cache=True, nogil=True)
+def clock_words(words, shift, high):
+    """Values and places of the words whose upper bits, from `shift` on, are `high`.
+
+    All three are of one type: numbers as short as the words are compared many at a time.
+    """
+    number_of = np.zeros(len(words) // PART + 1, np.int64)  # in each part
+    for part in range(len(number_of)):
+        some, here = words[PART * part : PART * (part + 1)], words.dtype.type(0)
+        for at in range(len(some)):
+            here += words.dtype.type(some[at] >> shift == high)
+        number_of[part] = here
+    count, mask = number_of.sum(), (1 << shift) - 1
+    values, places, number = np.empty(count, np.int64), np.empty(count, np.int64), 0
+    for part in range(len(number_of)):
+        if number_of[part] > 0:
+            for at in range(PART * part, min(PART * (part + 1), len(words))):
+                if words[at] >> shift == high:
+                    values[number], places[number] = words[at] & mask, at
+                    number += 1
+    return values, places
 
 
 @njit(cache=True, nogil=True)

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,5 +57,5 @@ def _words(path: Path, offset: int, name: Encoding) -> tuple[WordFile, NDArray[n
         return WordFile(path, offset, np.dtype("<u2"), decode_evt3), evt3_state(0)
     if name == "EVT2":
         return WordFile(path, offset, np.dtype("<u4"), decode_evt2), evt2_state()
-    head = int(head_is_second(sample(path, offset)))
-    return WordFile(path, offset, np.dtype(("<u4", (2,))), partial(decode_evt21, head=head)), evt2_state()
+    decode: Any = partial(decode_evt21, head=int(head_is_second(sample(path, offset))))
+    return WordFile(path, offset, np.dtype(("<u4", (2,))), decode), evt2_state()

@@ -73,7 +73,12 @@ class StoredTimes:
 
     def in_us(self, stored: NDArray[Any]) -> NDArray[np.int64]:
         """Stored times in µs, the offset added."""
-        return as_us(stored, self.unit) + int(as_us(np.array([self._offset]), self.unit)[0])
+        return as_us(stored, self.unit) + self.offset_us
+
+    @property
+    def offset_us(self) -> int:
+        """What is added to all times."""
+        return int(as_us(np.array([self._offset]), self.unit)[0])
 
     def place(self, start_us: int) -> int:
         """The number of an event before which none is at or after start_us, found by halving."""

@@ -118,9 +118,9 @@ def _rows(raw: bytes) -> list[list[str]]:
 
 
 def _heading(raw: bytes) -> Heading:
-    heading = Heading()
-    for line in raw.split(b"\n")[:HEADING_LINES]:
-        text = line.decode(errors="replace").lstrip("\ufeff ")
+    heading = Heading(length=3 if raw.startswith(b"\xef\xbb\xbf") else 0)
+    for line in raw[heading.length :].split(b"\n")[:HEADING_LINES]:
+        text = line.decode(errors="replace").lstrip()
         words = [word.strip() for word in re.split(r"[,;\t]" if re.search(r"[,;\t]", text) else r"\s+", text.strip())]
         numbers = [bool(NUMBER.fullmatch(word.strip('"'))) for word in words if word]
         if text[:1] not in ("#", "%") and len(numbers) > 2 and all(numbers[:1]) and sum(numbers) > 2:

@@ -62,25 +62,19 @@ class TextSource:
         return raw[raw.find(b"\n") + 1 : raw.rfind(b"\n") + 1]
 
     def _pieces(self, place: int) -> Iterator[bytes]:
-        """Bytes from a place on, as they come."""
+        """Bytes from a place on, as they come; the place counts what they have become, not the file's own."""
         with _opened(self.path, self.packed) as file:
+            if self.can_jump:
+                file.seek(place)
+                place = 0
             carry = b""
-            self._skip(file, place)
             while raw := _read(file, self.path, BLOCK_BYTES):
                 whole = carry + raw
                 carry = whole[len(whole) // 2 * 2 :] if self.encoding else b""
-                yield self._with_newlines(whole[: len(whole) - len(carry)])
-
-    def _skip(self, file: Any, place: int) -> None:
-        """Move to a place, which counts what lines have become, not the file's own bytes.
-
-        UTF-16 of digits has two bytes for each; where it holds other letters they stand in the heading.
-        """
-        if not self.packed and not self.encoding:
-            file.seek(place)
-            return
-        while place > 0 and (raw := _read(file, self.path, min(place * (2 if self.encoding else 1), BLOCK_BYTES))):
-            place -= len(self._with_newlines(raw))
+                piece = self._with_newlines(whole[: len(whole) - len(carry)])
+                before = min(place, len(piece))
+                place -= before
+                yield piece[before:]
 
     def _with_newlines(self, raw: bytes) -> bytes:
         if self.encoding:
@@ -129,7 +123,7 @@ def _opened(path: Path, packed: str) -> Any:
 def _read(file: Any, path: Path, size: int) -> bytes:
     """The next bytes; where compressed ones are damaged or cut short the file ends, with a warning."""
     try:
-        return file.read(size)
+        return file.read1(size)  # of a file cut short, all that can be unpacked
     except Exception as error:
         if not isinstance(error, EOFError | OSError | zlib.error) and type(error).__name__ != "ZstdError":
             raise

@@ -80,6 +80,9 @@ def step_of(times: NDArray[Any]) -> int | None:
     if times.dtype.kind in "iu":
         return next((power for power in (6, 3) if not np.any(times % 10**power)), 0)
     exact = np.asarray(times, np.float64)
+    exact = exact[np.isfinite(exact)]
+    if not len(exact):
+        return None
     rounding = np.spacing(np.abs(exact).max()) * 4
     for power in (0, 3, 6, 9):
         scaled = exact * 10.0**power
