@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from evimo.errors import BadFile, EvimoWarning
 from evimo.formats import open_events
 from evimo.formats.aedat4_packets import head, packet_table
-from evimo.formats.rosbag1 import EventTopic
+from evimo.formats.bag_topics import EventTopic
 from evimo.recordings.writer import RecordingWriter
 from evimo.simulate.imu import ImuSettings
 from evimo.simulate.plan import RecordingPlan
@@ -147,9 +147,9 @@ def test_a_bag_whose_samples_are_cut_is_refused_and_one_without_has_none(tmp_pat
 
 def test_stamps_follow_events_that_are_in_the_sensors_own_clock():
     """In evt3 events begin near zero while stamps are absolute."""
-    topic = EventTopic(bag=None, connection=0, clocks_us=(1_600_000_000_000_000, 250_000))
+    topic = EventTopic(bag=None, topic=None, clocks_us=(1_600_000_000_000_000, 250_000))
     assert topic.of_stamp(1_600_000_000_100_000_000) == 350_000
-    shared = EventTopic(bag=None, connection=0, clocks_us=(1_600_000_000_000_000, 1_599_999_999_990_000))
+    shared = EventTopic(bag=None, topic=None, clocks_us=(1_600_000_000_000_000, 1_599_999_999_990_000))
     assert shared.of_stamp(1_600_000_000_100_000_000) == 1_600_000_000_100_000
 
 

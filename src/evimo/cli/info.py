@@ -39,6 +39,7 @@ def facts(recording: EventFile) -> dict[str, str]:
         "timestamps": _order(recording),
         "camera": _camera(recording.camera),
         "gyroscope": _gyroscope(recording.gyroscope()),
+        **({"topic": recording.topic} if recording.topic else {}),
         **recording.contents,
     }
 

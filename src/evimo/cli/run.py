@@ -23,6 +23,7 @@ def run(
     *,
     model: str = "small",
     calibration: Path | None = None,
+    camera: str | None = None,
     reading: Reading = AS_TOLD,
     out: Path | None = None,
     start: float = 0.0,
@@ -42,8 +43,9 @@ def run(
     Args:
         recording: an event file of any known format; `evimo info` says what is inside.
         model: a preset's name, or an .onnx file.
-        calibration: of the camera: kalibr YAML, EV-IMO calib.txt or DV XML. Without it what the recording says of
-            itself, else a guess.
+        calibration: of the camera: a file by kalibr, ROS, OpenCV, Metavision or DV, among others. Without it what the
+            recording says of itself, else a guess.
+        camera: its name in the calibration file, where that holds several that fit.
         reading: what the recording does not tell.
         out: folder of the results; out/NAME by default. Files of the same name are replaced once the new ones are
             complete.
@@ -59,14 +61,16 @@ def run(
     """
     if not 0 < video_speed <= 100:
         raise BadInput(f"a video {video_speed:g} times as fast", fix="--video-speed between 0 and 100, as in 0.25")
+    if camera and not calibration:
+        raise BadInput(f"--camera {camera} names a camera of a calibration file", fix="--calibration FILE")
     with _heard_warnings() as heard:
         how = {"start_s": start, "stop_s": stop, "event_labels": event_labels, "imu": imu}
-        prepared = _prepared(recording, reading, model=model, calibration=calibration, how=how)
+        prepared = _prepared(recording, reading, model=model, calibration=(calibration, camera), how=how)
         from evimo.streaming.saving import Wanted, save_run
 
         dense = prepared.span.length_s < SHORT_S if dense is None else dense
         wanted = Wanted(dense=dense, video_speed=video_speed if video else None)
-        settings = how | {"calibration": calibration and calibration.name} | reading.settings
+        settings = how | {"calibration": calibration and calibration.name, "camera": camera} | reading.settings
         with _controlled(len(prepared.span), heard) as (control, request):
             saved = save_run(prepared, out or _default_folder(recording), wanted, settings=settings, control=control)
     if saved is None:
@@ -79,18 +83,24 @@ def _default_folder(recording: Path) -> Path:
     return Path("out") / (recording.resolve().stem or "recording")
 
 
-def _prepared(recording: Path, reading: Reading, *, model: str, calibration: Path | None, how: dict[str, Any]) -> "Run":
-    """The run over a recording, everything checked that can be before it starts; `how` as in `Run`."""
+def _prepared(
+    recording: Path, reading: Reading, *, model: str, calibration: tuple[Path | None, str | None], how: dict[str, Any]
+) -> "Run":
+    """The run over a recording, everything checked that can be before it starts.
+
+    `calibration` is a file and the camera's name in it; `how` as in `Run`.
+    """
     from evimo.streaming.inference import Network
     from evimo.streaming.pipeline import Run
 
     network = Network(model)
     events = reading.opened(recording)
+    file, name = calibration
     camera = None
-    if calibration:
+    if file:
         from evimo.geometry.calibration import load_camera
 
-        camera = load_camera(calibration, size=events.sensor)
+        camera = load_camera(file, size=events.sensor, topic=events.topic, camera=name)
     return Run(events, network, camera=camera, **how)
 
 

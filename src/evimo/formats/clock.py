@@ -38,6 +38,7 @@ class Faults:
     outlying:     their times are far from those around them, or none, dropped.
     after_reset:  came after the recording's clock had started again, dropped.
     outside:      not on the sensor, dropped.
+    damaged:      lost between a damaged word and the next that can be trusted.
     reset_us:     the time at which the clock started again; None where it did not.
     """
 
@@ -46,12 +47,13 @@ class Faults:
     outlying: int = 0
     after_reset: int = 0
     outside: int = 0
+    damaged: int = 0
     reset_us: int | None = None
 
     @property
     def dropped(self) -> int:
         """Events left out."""
-        return self.late + self.outlying + self.after_reset + self.outside
+        return self.late + self.outlying + self.after_reset + self.outside + self.damaged
 
     def parts(self, sensor: tuple[int, int]) -> list[str]:
         """Return the faults in words, with counts; empty where there are none."""
@@ -64,6 +66,7 @@ class Faults:
             f"{self.outlying:,} events with times far from those around them were dropped": self.outlying,
             f"{again} dropped (split the file there to read them)": self.after_reset,
             f"{self.outside:,} events outside the {width}x{height} sensor were dropped": self.outside,
+            f"{self.damaged:,} events beside damaged words are lost": self.damaged,
         }
         return [words for words, count in parts.items() if count]
 

@@ -13,6 +13,7 @@ from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope
 from evimo.formats.clock import WINDOW_US, Clock, Faults, sorted_packets
+from evimo.formats.damage import mended
 from evimo.formats.sensors import size_in_words
 from evimo.geometry.camera import Camera
 
@@ -64,6 +65,7 @@ class EventFile:
     camera:      the one whose intrinsics lie inside the file.
     read_gyroscope: the format's reader of gyroscopes.
     contents:    what else is inside, name to description.
+    topic:       that of a bag which the events are from; empty where there are no topics.
     faults:      what the newest pass had to move or leave out; complete when the pass is.
     """
 
@@ -76,6 +78,7 @@ class EventFile:
     camera: FoundCamera | None = None
     read_gyroscope: Callable[[], Gyroscope | None] = no_gyroscope
     contents: dict[str, str] = field(default_factory=dict[str, str])
+    topic: str = ""
     faults: Faults = field(default_factory=Faults, init=False)
 
     def __iter__(self) -> Iterator[Events]:
@@ -143,7 +146,7 @@ def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
 def on_sensor(packets: Iterator[Events], sensor: tuple[int, int], faults: Faults) -> Iterator[Events]:
     """Packets without the events outside the sensor, which are counted; empty ones are left out."""
     height, width = sensor
-    for packet in filter(len, packets):
+    for packet in mended(packets, faults):
         if packet.x.max() < width and packet.y.max() < height:
             yield packet
             continue

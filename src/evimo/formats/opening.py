@@ -14,6 +14,8 @@ OPTIONS: dict[Kind, set[str]] = {
     "evimo_npz": {"time_unit", "columns"},
     "evimo2": {"time_unit"},
     "hdf5": {"time_unit", "columns", "topic"},
+    "rosbag1": {"topic"},
+    "rosbag2": {"topic"},
     "text": {"time_unit", "columns"},
 }
 
@@ -61,12 +63,20 @@ def _opener(kind: Kind) -> Callable[..., EventFile]:
             from evimo.formats.hdf5 import open_hdf5 as opened
         case "aedat2":
             from evimo.formats.aedat2 import open_aedat2 as opened
+        case "aedat3":
+            from evimo.formats.aedat3 import open_aedat3 as opened
         case "aedat4":
             from evimo.formats.aedat4 import open_aedat4 as opened
         case "event_stream":
             from evimo.formats.event_stream import open_event_stream as opened
         case "rosbag1":
-            from evimo.formats.rosbag1 import open_rosbag1 as opened
+            from evimo.formats.bags import open_rosbag1 as opened
+        case "rosbag2":
+            from evimo.formats.bags import open_rosbag2 as opened
+        case "prophesee_raw":
+            from evimo.formats.prophesee_raw import open_prophesee_raw as opened
+        case "prophesee_dat":
+            from evimo.formats.prophesee_dat import open_prophesee_dat as opened
         case _:
             from evimo.formats.text import open_text as opened
     return opened
@@ -87,8 +97,12 @@ def _title(kind: Kind) -> str:
         "evimo2": "an EVIMO2 folder",
         "hdf5": "HDF5",
         "aedat2": "an AEDAT 2 recording",
+        "aedat3": "an AEDAT 3 recording",
         "aedat4": "an AEDAT 4 recording",
         "event_stream": "an Event Stream",
         "rosbag1": "a ROS 1 bag",
+        "rosbag2": "a ROS 2 bag",
+        "prophesee_raw": "a Prophesee RAW recording",
+        "prophesee_dat": "a Prophesee DAT recording",
     }
     return titles.get(kind, "text events")

@@ -90,11 +90,13 @@ def run(
             slice; `imu` is neither.
     """
     recording = _recording(events, sensor, camera if isinstance(camera, Camera) else None)
+    if isinstance(camera, str | Path):
+        camera = load_camera(camera, size=recording.sensor, topic=recording.topic)
     return _estimates(
         Run(
             recording,
             Network(model),
-            camera=load_camera(camera, size=recording.sensor) if isinstance(camera, str | Path) else camera,
+            camera=camera,
             start_s=start_s,
             stop_s=stop_s,
             event_labels=event_labels,
