@@ -26,11 +26,7 @@ FACTS = "sim_facts"  # only in our own files
 
 
 def open_evimo_npz(
-    path: Path,
-    sensor: tuple[int, int] | None = None,
-    *,
-    time_unit: TimeUnit | None = None,
-    columns: str | None = None,
+    path: Path, sensor: tuple[int, int] | None = None, *, time_unit: TimeUnit | None = None, columns: str | None = None
 ) -> EventFile:
     """Open a recording; `t` is usually in seconds where the array is of floats, in µs where it is of integers.
 

@@ -46,7 +46,7 @@ def open_hdf5(
             require_filters(path, array)
         if not table.count:
             raise no_events_in(path)
-        reader = _Reader(path, file, table, time_unit, sensor)
+        reader = _Reader(path, table, said=time_unit, size=sensor or stored_size(file, table))
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # as h5py has it of damaged files
         raise BadFile(f"{path.name} is HDF5, but damaged or cut short: {error}", fix=CUT) from error
     return EventFile(
@@ -63,12 +63,9 @@ def open_hdf5(
 class _Reader:
     """Packets of one table, from any time on."""
 
-    def __init__(
-        self, path: Path, file: h5py.File, table: EventTable, said: TimeUnit | None, sensor: tuple[int, int] | None
-    ) -> None:
+    def __init__(self, path: Path, table: EventTable, *, said: TimeUnit | None, size: tuple[int, int] | None) -> None:
         self._path, self._table = path, table
         first = self._stored("xyt", 0, REPEAT_EVENTS)
-        size = sensor or stored_size(file, table)
         extent = (1, 1) if size else self._extent()
         height, width = size or fitting_sensor(extent)
         self.times = StoredTimes(

@@ -214,9 +214,8 @@ def plain_lines(raw, at, roles, power, events):
                     value *= POWERS[power]
             values[roles[column]] = value
             byte = raw[at]
-            is_end = byte in (NEWLINE, RETURN)
-            is_gap = byte in (SPACE, COMMA, TAB, SEMICOLON)
-            if missing or length > LONGEST or value < 0 or not (is_end if column == columns - 1 else is_gap):
+            ends = byte in (NEWLINE, RETURN) if column == columns - 1 else byte in (SPACE, COMMA, TAB, SEMICOLON)
+            if missing or length > LONGEST or value < 0 or not ends:
                 good = False
                 break
             at += ONE
@@ -227,8 +226,7 @@ def plain_lines(raw, at, roles, power, events):
             return count, dots, begin
         x[count], y[count] = min(values[X], OUTSIDE), min(values[Y], OUTSIDE)
         t[count], p[count] = values[T], 2 * values[P] - 1
-        dots += dotted
-        count += 1
+        dots, count = dots + dotted, count + 1
     return count, dots, at
 
 

@@ -61,6 +61,8 @@ def summary(run: Run, course: Course, *, settings: dict[str, Any], warnings: Seq
         "dropped_events": {
             "without_place_in_image": run.placed.dropped,
             "late": events.faults.late,
+            "outlying": events.faults.outlying,
+            "after_reset": events.faults.after_reset,
             "off_sensor": events.faults.outside,
         },
         "warnings": list(warnings),
