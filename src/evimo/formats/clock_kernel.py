@@ -1,8 +1,9 @@
 # pyright: basic
 """Which events keep the clock of their recording, compiled: one pass, with a look ahead where the clock jumps."""
 
-from numba import njit
+import numpy as np
 
+from evimo.compiling import njit
 from evimo.formats.clock_rules import (
     ACCEPTED,
     AFTER_RESET,
@@ -25,7 +26,7 @@ from evimo.formats.clock_rules import (
 )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def before(times, first, last, limit):
     """How many of times[first:last] lie before a limit, and how many are times at all."""
     earlier, valid = 0, 0
@@ -36,7 +37,7 @@ def before(times, first, last, limit):
     return earlier, valid
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def accepted(time, state):
     """Let the clock follow an event."""
     first = state[ACCEPTED] == 0
@@ -48,7 +49,7 @@ def accepted(time, state):
     return KEPT
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def on_clock(time, state):
     """Keep an event inside the window, unless a clock that went back has climbed there: a second recording."""
     climbed = state[BACK_RUN] > AHEAD and state[BACK_NEWEST] >= state[NEWEST] - 2 * WINDOW_US
@@ -58,7 +59,7 @@ def on_clock(time, state):
     return accepted(time, state)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def ahead_of_clock(times, at, state, final):
     """An event after a pause, or the first one: what those that follow say of it."""
     last = min(at + 1 + AHEAD, len(times))
@@ -76,7 +77,7 @@ def ahead_of_clock(times, at, state, final):
     return accepted(times[at], state)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def behind_clock(times, at, state, final, from_start):
     """An event older than the window: one of a clock that went back, if all that follow are; else a late one."""
     if from_start and state[NEWEST] - state[OLDEST] <= WINDOW_US and state[BACK_RUN] == 0:
@@ -91,7 +92,7 @@ def behind_clock(times, at, state, final, from_start):
     return LATE
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def in_step(times, at, newest):
     """The position after all events from `at` on that follow each other in order and without a pause.
 
@@ -113,7 +114,7 @@ def in_step(times, at, newest):
     return at
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def judged(times, at, state, final, from_start):
     """The verdict on one event."""
     time, newest = times[at], state[NEWEST]
@@ -128,7 +129,7 @@ def judged(times, at, state, final, from_start):
     return behind_clock(times, at, state, final, from_start)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def judge(times, verdicts, state, final, from_start):
     """Write a verdict for each event but the last ones, which wait for those that follow unless this is the end.
 

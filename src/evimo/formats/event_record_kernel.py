@@ -2,7 +2,8 @@
 """Decoding of files whose events have a whole time each, compiled: DAT and AEDAT 3."""
 
 import numpy as np
-from numba import njit
+
+from evimo.compiling import njit
 
 UNKNOWN = -1
 PACKET_HEADER, POLARITY, FRAME, FRAME_HEADER = 28, 1, 2, 36
@@ -11,7 +12,7 @@ RECORD_BYTES = (8, 8, 0, 36, 48)  # of special, polarity, frame (any), IMU of 6 
 LONGEST_BYTES = 1 << 26
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_dat(records, state, final, bits):
     """DAT events (N, 2) u4: time in µs, then column, row and polarity; state[0] is the time reached.
 
@@ -36,13 +37,13 @@ def decode_dat(records, state, final, bits):
     return x, y, t, p, count, 0
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def number(raw, at):
     """Four bytes, little end first."""
     return np.int64(raw[at]) | np.int64(raw[at + 1]) << 8 | np.int64(raw[at + 2]) << 16 | np.int64(raw[at + 3]) << 24
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def packet_bytes(raw, at):
     """The length of an AEDAT 3 packet with its header, by the header; 0 where there is none that can be."""
     kind, size, place = raw[at] | np.int64(raw[at + 1]) << 8, number(raw, at + 4), number(raw, at + 8)
@@ -56,7 +57,7 @@ def packet_bytes(raw, at):
     return PACKET_HEADER + count * size
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def rounds(raw, at, until, before):
     """How often the times had wrapped, by a packet's header; as before where the next packet does not agree."""
     told = number(raw, at + 12)
@@ -65,7 +66,7 @@ def rounds(raw, at, until, before):
     return told if packet_bytes(raw, until) == 0 or number(raw, until + 12) == told else before
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_aedat3(raw, state, final, kinds):
     """The valid polarity events of AEDAT 3 packets (u1); the events of each kind are counted in `kinds`.
 

@@ -7,8 +7,8 @@ and ON; triggers, continuations and the rest carry no events.
 """
 
 import numpy as np
-from numba import njit
 
+from evimo.compiling import njit
 from evimo.formats.evt_clock_kernel import (
     CLOCK,
     CLOCK_STATE,
@@ -29,7 +29,7 @@ PLACES[[(int(HASH) << place & 0xFFFFFFFF) >> 27 for place in range(32)]] = np.ar
 SOUND, STATE_SIZE = CLOCK_STATE, CLOCK_STATE + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def evt2_state():
     """The state before the first word."""
     state = np.zeros(STATE_SIZE, np.int64)
@@ -37,7 +37,7 @@ def evt2_state():
     return state
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_evt2(words, state, final):
     """Events of EVT 2.0 words (u4), how many words were used, and how many events are lost; as `decode_evt3`."""
     values, places = clock_words(words, SHIFT, HIGH)
@@ -64,7 +64,7 @@ def decode_evt2(words, state, final):
     return x[:count], y[:count], t[:count], p[:count], stop, lost
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _stop(count, clocks, places):
     """The place of the first TIME HIGH that must wait for what follows, `count` if there is none."""
     for at in range(len(clocks)):
@@ -73,7 +73,7 @@ def _stop(count, clocks, places):
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_evt21(halves, state, final, head):
     """Events of EVT 2.1 words, (N, 2) u4, half number `head` of which tells the kind; as `decode_evt2`."""
     heads, pixels = halves[:, head], halves[:, 1 - head]
@@ -107,7 +107,7 @@ def decode_evt21(halves, state, final, head):
     return x[:count], y[:count], t[:count], p[:count], stop, lost
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _ones(bits):
     """How many of 32 bits are set."""
     bits = np.int64(bits)

@@ -7,8 +7,8 @@ and the rest carry no events.
 """
 
 import numpy as np
-from numba import njit
 
+from evimo.compiling import njit
 from evimo.formats.evt_clock_kernel import (
     CLOCK,
     CLOCK_STATE,
@@ -36,7 +36,7 @@ LOW, TOP, BEFORE, SOUND, ROW, BASE, POLARITY, STATE_SIZE = (CLOCK_STATE + at for
 COUNT, GONE, MARK, TALLY_SIZE = 0, 1, 2, 3
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def evt3_state(expected_us):
     """The state before the first word; the sensor's 24-bit clock is placed in the last round before expected_us."""
     state = np.zeros(STATE_SIZE, np.int64)
@@ -45,7 +45,7 @@ def evt3_state(expected_us):
     return state
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def most_events(words):
     """How many events there are at most, counted in numbers as short as the words: many at a time."""
     most = 0
@@ -60,7 +60,7 @@ def most_events(words):
     return most
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def settled(words, clocks, places):
     """Up to which word all can be told: two TIME LOW words must follow it, and no clock be undecided."""
     stop, lows = len(words), 0
@@ -74,7 +74,7 @@ def settled(words, clocks, places):
     return stop
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def next_low(words, at):
     """The next TIME LOW after number `at`, UNKNOWN if a TIME HIGH or the end comes first."""
     for other in range(at + 1, len(words)):
@@ -85,7 +85,7 @@ def next_low(words, at):
     return np.int64(UNKNOWN)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_evt3(words, state, final):
     """Events of EVT 3 words (u2) after the first whole time, how many words were used, and how many events are lost.
 
@@ -110,14 +110,14 @@ def decode_evt3(words, state, final):
     return x[:count], y[:count], t[:count], p[:count], stop, tally[GONE]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def undo(tally):
     """Lose the events since the lower bits last changed."""
     tally[GONE] += tally[COUNT] - tally[MARK]
     tally[COUNT] = tally[MARK]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_words(words, stop, clocks, state, tally, columns):
     """The events of the words before number `stop`; those after it are looked at where times go back."""
     x, y, t, p = columns
@@ -159,13 +159,13 @@ def decode_words(words, stop, clocks, state, tally, columns):
     tally[COUNT], tally[GONE], tally[MARK] = count, gone, mark
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def after_high(sound, low):
     """The lower bits after a TIME HIGH: those before the first one may belong to any."""
     return np.int64(UNKNOWN) if sound == NONE_YET else low
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def standing(sound, high, low):
     """Whether events are kept, whether those that are not are lost, and their time."""
     kept = np.int64(sound == GOOD and low >= 0)
@@ -173,7 +173,7 @@ def standing(sound, high, low):
     return kept, missed, high | max(low, 0)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def lower(value, following, top, before):
     """What a TIME LOW below the highest before it means: low, top and before, and whether the highest was the fault.
 

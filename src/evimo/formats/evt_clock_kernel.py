@@ -7,7 +7,8 @@ A word that is not believed is LOST, and with it the events until the next one t
 """
 
 import numpy as np
-from numba import njit
+
+from evimo.compiling import njit
 
 UNKNOWN, LOST, UNDECIDED = -1, -2, -3
 PART = 64  # words that are searched at a time
@@ -19,7 +20,7 @@ STEADY = 16  # after so many small steps a last long one, which nothing follows,
 CLOCK, STEPS, EXPECTED, CLOCK_STATE = 0, 1, 2, 3
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def clock_words(words, shift, high):
     """Values and places of the words whose upper bits, from `shift` on, are `high`.
 
@@ -42,7 +43,7 @@ def clock_words(words, shift, high):
     return values, places
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def believed_clocks(values, clock_state, bits, near, final):
     """The whole time of each word, or LOST; UNDECIDED from the first on that must wait for words after the last.
 
@@ -75,7 +76,7 @@ def believed_clocks(values, clock_state, bits, near, final):
     return clocks
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def advance(clock_state, clocks, near):
     """Keep in the state what words that are used have told."""
     for clock in clocks:
@@ -85,20 +86,20 @@ def advance(clock_state, clocks, near):
             clock_state[CLOCK] = clock
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(nogil=True, inline="always")
 def signed(difference, bits):
     """A difference of two clocks as the nearest step from one to the other, forward or back."""
     half = np.int64(1) << (bits - 1)
     return ((difference + half) & ((np.int64(1) << bits) - 1)) - half
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def first_clock(value, expected, bits):
     """The first time, in the last round of the clock that begins before `expected`."""
     return max((expected - value) >> bits, 0) << bits | value
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def confirmed(values, at, clock, bits, near, steps):
     """Whether the words after number `at` go on from it, rather than from the clock before."""
     value, ahead = values[at], len(values) - at - 1
@@ -120,7 +121,7 @@ def confirmed(values, at, clock, bits, near, steps):
     return step >= 0 and near_ones >= against and in_order(values, at, bits)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def in_order(values, at, bits):
     """Whether the next words, all but one, never go back, however long their steps: a recording with few events."""
     asked = min(len(values) - at - 1, MANY)

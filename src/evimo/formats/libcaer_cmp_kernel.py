@@ -2,12 +2,13 @@
 """Decoding of the encoding `libcaer_cmp` of event_camera_msgs, compiled. Times come out in µs, rounded from ns."""
 
 import numpy as np
-from numba import njit
+
+from evimo.compiling import njit
 
 HIGH, LOW, COLUMN, ROW, BASE_ROW, ROWS = 0, 1, 2, 3, 4, 5
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def libcaer_cmp_count(words):
     """At most so many events are in the words."""
     count = 0
@@ -20,7 +21,7 @@ def libcaer_cmp_count(words):
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_libcaer_cmp(words, base_ns):
     """Words of 16 bits, their kind in the upper four; a message stands for itself.
 
