@@ -8,7 +8,7 @@ from evimo.compiling import njit
 LIBCAER_ROUND, LIBCAER_HALF = 1 << 31, 1 << 30  # µs
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_dvs_msgs(raw, count, item):
     """dvs_msgs/Event: x u2, y u2, seconds u4, nanoseconds u4, polarity u1: 13 bytes packed.
 
@@ -26,13 +26,13 @@ def decode_dvs_msgs(raw, count, item):
     return x, y, t, p
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def word(raw, at):
     """Four bytes, little end first."""
     return np.int64(raw[at]) | np.int64(raw[at + 1]) << 8 | np.int64(raw[at + 2]) << 16 | np.int64(raw[at + 3]) << 24
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_mono(raw, base_ns):
     """Encoding `mono`: ns after the packet's base u4, x u2, then y in 15 bits and the polarity in the highest."""
     count = len(raw) // 8
@@ -47,7 +47,7 @@ def decode_mono(raw, base_ns):
     return x, y, t, p
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_libcaer(raw, base_ns):
     """Encoding `libcaer`: bits 17-31 x, 2-16 y, 1 polarity; then µs after the base, 31 bits that wrap in a packet.
 

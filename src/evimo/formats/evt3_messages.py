@@ -25,13 +25,13 @@ class Evt3Messages:
         elapsed_us = expected_us - self._expected_us
         pause_us = elapsed_us - _length_us(words) if elapsed_us > PAUSE_US and self._expected_us else 0
         before = self.rest() if pause_us > PAUSE_US else None
-        if self._state is None:
-            self._state = evt3_state(expected_us)
-        elif before is not None and self._state[CLOCK] >= 0:
-            self._state[CLOCK] += pause_us >> BITS
+        state = evt3_state(expected_us) if self._state is None else self._state
+        if before is not None and state[CLOCK] >= 0:
+            state[CLOCK] += pause_us >> BITS
+        self._state = state
         self._expected_us = expected_us
         self._waiting = np.concatenate((self._waiting, words))
-        now = self._decoded(self._state, final=len(self._waiting) > LONGEST_WORDS)
+        now = self._decoded(state, final=len(self._waiting) > LONGEST_WORDS)
         return now if before is None else marred([before, now])
 
     def rest(self) -> MarredEvents:

@@ -21,13 +21,13 @@ ONE = np.uintp(1)
 FRACTIONS, ROUNDED, BAD, FIRST_BAD = range(4)  # of the counts
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def is_blank(byte):
     """Whether a byte separates numbers of one line."""
     return byte in (SPACE, COMMA, TAB, SEMICOLON, RETURN, QUOTE)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def digits(raw, at, value, dropped):
     """Digits appended to a value of at most 17 of them. Returns value, digits that did not fit, position after."""
     while at < len(raw) and ZERO <= raw[at] <= NINE:
@@ -39,7 +39,7 @@ def digits(raw, at, value, dropped):
     return value, dropped, at
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def number(raw, at):
     """The number at a position, as value times ten to the exponent: exact for all that has at most 17 digits.
 
@@ -69,7 +69,7 @@ def number(raw, at):
     return -value if negative else value, exponent, point, at
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def scaled(value, exponent):
     """value * 10**exponent, rounded to the nearest whole number, and whether it was whole; NO_TIME if too large."""
     if exponent == 0:
@@ -84,7 +84,7 @@ def scaled(value, exponent):
     return whole, whole * unit == value
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def word(raw, at):
     """1 or 0 for True or False in any case, -1 for another word, and the position after it."""
     start = at
@@ -100,7 +100,7 @@ def word(raw, at):
     return -1, at
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def line_values(raw, at, roles, values, exponents):
     """The numbers of one line of any form into `values` and `exponents`, by their roles.
 
@@ -134,7 +134,7 @@ def line_values(raw, at, roles, values, exponents):
     return found if found in (0, len(roles)) else -1, dotted, at + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def any_line(raw, at, roles, power, values, counts):
     """The event of a line of any form into `values`; whether there is one, and where the next line begins."""
     exponents = np.zeros(5, np.int64)
@@ -157,13 +157,13 @@ def any_line(raw, at, roles, power, values, counts):
     return True, after
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(nogil=True, error_model="numpy", inline="always")
 def digit_at(raw, at):
     """The digit at a position; above 9 if there is none."""
     return np.uint8(raw[at] - np.uint8(ZERO))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(nogil=True, error_model="numpy", inline="always")
 def decimals(raw, at, value, power):
     """A value with the digits after its decimal point, as far as whole µs go, the next one rounded; and the position.
 
@@ -186,7 +186,7 @@ def decimals(raw, at, value, power):
     return value, at
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def plain_lines(raw, at, roles, power, events):
     """Events of lines of plain digits from a position on, into `events` (x, y, t, p), up to a line of another form.
 
@@ -230,7 +230,7 @@ def plain_lines(raw, at, roles, power, events):
     return count, dots, at
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def parse_lines(raw, roles, power):
     """Events of whole lines, the last one with its newline; roles: what each column holds; power: of ten, to µs.
 
