@@ -265,3 +265,26 @@ def test_real_text_and_the_recording_it_was_made_from_agree(shared_data):
     n = min(len(packet), len(source))
     assert (packet.t[:n] - packet.t[0]).tolist() == (source.t[:n] - source.t[0]).tolist()
     assert np.array_equal(packet.x[:n], source.x[:n]) and np.array_equal(packet.p[:n], source.p[:n])
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("1 2 3\n" * 20, "its lines have 3 columns"),
+        (" ".join(map(str, range(300))) + "\n", "its lines have 300 columns"),
+    ],
+)
+def test_lines_of_too_few_or_too_many_columns_are_no_events(tmp_path, lines, words):
+    """Found by fuzzing: three columns were a traceback, and all orders of three hundred were tried."""
+    (tmp_path / "a.txt").write_text(lines)
+    with pytest.raises(BadFile, match=words):
+        open_events(tmp_path / "a.txt")
+
+
+@pytest.mark.parametrize("pixel", ["inf", "nan", "1e400"])
+def test_a_pixel_that_is_no_number_is_no_traceback(tmp_path, pixel):
+    """Found by fuzzing: the sample from which the unit is guessed held it."""
+    rows = [f"{1000 * k} {3 if k else pixel} 4 {k % 2}" for k in range(40)]
+    (tmp_path / "a.txt").write_text("t x y p\n" + "\n".join(rows) + "\n")
+    events = open_events(tmp_path / "a.txt", sensor=(48, 64))
+    assert sum(map(len, events)) == 39

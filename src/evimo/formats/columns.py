@@ -17,6 +17,7 @@ NAMES = {
     "y": {"y", "ys", "row"},
     "p": {"p", "ps", "pol", "polarity", "polarities", "on"},
 }
+MOST_COLUMNS = 12
 LARGEST_PIXEL = 16384  # beyond every sensor
 FEW_ROWS = 10  # fewer say nothing of what rises
 FIX = "name the columns in their order with --columns, a letter each, as in txyp or xytp; _ for one to leave out"
@@ -55,6 +56,11 @@ def found_columns(path: Path, sample: NDArray[np.float64]) -> str:
     Raises:
         BadFile: no order fits, or several do.
     """
+    if not len(LETTERS) <= sample.shape[1] <= MOST_COLUMNS:
+        raise BadFile(
+            f"{path.name} is no event recording: its lines have {sample.shape[1]} columns",
+            fix="events as text have a line each, with t, x, y and p",
+        )
     first = 1 if sample.shape[1] > 4 and len(sample) > 2 and _mostly(np.diff(sample[:, 0]) == 1) else 0
     ranked = _ranked(sample, [first + at for at in range(4)]) or _ranked(sample, range(sample.shape[1]))
     if not ranked:

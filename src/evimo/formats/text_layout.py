@@ -158,7 +158,8 @@ def _number(word: str) -> float:
 def _times(written: list[list[str]], sample: NDArray[np.float64], order: str) -> Times:
     """What the sampled lines tell of the unit."""
     x, y = (sample[:, order.index(letter)] for letter in "xy")
-    height, width = fitting_sensor((int(np.nanmax(y)) + 1, int(np.nanmax(x)) + 1))
+    extent = [int(np.max(side[np.isfinite(side)], initial=0)) + 1 for side in (y, x)]
+    height, width = fitting_sensor((extent[0], extent[1]))
     pieces = [np.array([_number(time) for time in times], np.float64) for times in written]
     return Times(pieces, _step([time for times in written for time in times]), height * width)
 
