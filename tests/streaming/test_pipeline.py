@@ -2,7 +2,7 @@ import threading
 import time
 import warnings
 from dataclasses import replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -224,11 +224,12 @@ def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
 
 
 def test_a_reader_that_fails_does_so_here_after_the_slices_before(discs, recorded, fake_network, camera):
-    events = recorded(discs, cuts=[3000])
+    """A packet waits for the next one, in case that begins before its end."""
+    events = recorded(discs, cuts=[3000, 4000, 5000])
     read = events.read
 
     def broken(start_us):
-        yield next(read(start_us))
+        yield from islice(read(start_us), 3)
         raise OSError("the cable was pulled")
 
     events.read = broken
