@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.streaming.nearby import Nearby
-from evimo.streaming.sharpness import ARM, MARGIN, PEAK, read, sharpest, sharpness, warp_back
+from evimo.classical.sharpness import ARM, MARGIN, PEAK, read, sharpest, sharpness, warp_back
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
