@@ -45,7 +45,15 @@ def test_whole_files_are_read(fuzz, tmp_path):
         except BadFile:
             refused.add(seed.name)
     assert {"a pickle", "YAML that runs"} <= refused
-    assert not refused & {"text txyp", "EV-IMO a.npz", "EV-IMO b.npz", "EVIMO2", "written aedat4", "kalibr", "camera_info"}
+    assert not refused & {
+        "text txyp",
+        "EV-IMO a.npz",
+        "EV-IMO b.npz",
+        "EVIMO2",
+        "written aedat4",
+        "kalibr",
+        "camera_info",
+    }
 
 
 @pytest.mark.parametrize(

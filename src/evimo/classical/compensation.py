@@ -51,14 +51,11 @@ def compensate(scene: Scene, parameters: Parameters) -> Compensated:
     """Return the world's motion, what moves otherwise and how, from the events of one window."""
     world, found = world_and_misfit(scene, parameters)
     moving = _probability(found.score, parameters)
-    numbers, regions = fitted_regions((moving > 0.5).view(np.uint8), scene, world)
-    static = flow_of(world, scene.centre, moving.shape)
-    flow = static.copy()
-    for number, region in enumerate(regions, start=1):
-        inside = numbers == number
-        flow[:, inside] = flow_of(region.motion, region.centre, moving.shape)[:, inside]
-    confidence = 1 - np.exp(found.crowd / np.float32(-parameters.supported))
-    return Compensated(world, moving, flow, flow - static, confidence)
+    numbers, motions = fitted_regions((moving > 0.5).view(np.uint8), scene, world)
+    flow = flow_of(motions, numbers, scene.centre)
+    own_flow = flow - flow_of(motions, np.zeros_like(numbers), scene.centre)
+    confidence = np.float32(1) - np.exp(found.crowd / np.float32(-parameters.supported))
+    return Compensated(world, moving, flow, own_flow, confidence)
 
 
 def world_and_misfit(scene: Scene, parameters: Parameters) -> tuple[F8, Misfit]:
@@ -75,4 +72,5 @@ def world_and_misfit(scene: Scene, parameters: Parameters) -> tuple[F8, Misfit]:
 
 
 def _probability(score: F4, parameters: Parameters) -> F4:
-    return 1 / (1 + np.exp(np.float32(parameters.steepness) * (np.float32(parameters.threshold) - score)))
+    odds: F4 = np.exp(np.float32(parameters.steepness) * (score - np.float32(parameters.threshold)))
+    return odds / (1 + odds)

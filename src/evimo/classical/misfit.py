@@ -41,7 +41,7 @@ def misfit(scene: Scene, motion: F8) -> Misfit:
     images = np.zeros((3, height, width), np.float32)
     _time_images(scene.x, scene.y, scene.t, motion, scene.centre, images)
     np.multiply(images[1], images[1], out=images[1])
-    crowd, ordered, spread = (cv2.GaussianBlur(each, (0, 0), AROUND) for each in images)
+    crowd, ordered, spread = (np.asarray(cv2.GaussianBlur(each, (0, 0), AROUND), np.float32) for each in images)
     mean = np.float32(images[0].mean() + NOISE)
     mean_square = mean * np.float32(REACH**2 / 3)  # of times that are spread evenly
     score = np.empty_like(crowd)
@@ -54,7 +54,9 @@ def _score(crowd, ordered, spread, means, score):
     mean, square = means
     for row in range(crowd.shape[0]):
         for k in range(crowd.shape[1]):
-            alike = (ordered[row, k] + np.float32(CALM_SORTED) * square) / (spread[row, k] + np.float32(CALM_TIME) * square)
+            alike = (ordered[row, k] + np.float32(CALM_SORTED) * square) / (
+                spread[row, k] + np.float32(CALM_TIME) * square
+            )
             crowded = (crowd[row, k] + np.float32(CALM_COUNT) * mean) / mean
             score[row, k] = np.log(alike) + np.float32(CROWD_POWER) * np.log(crowded)
 

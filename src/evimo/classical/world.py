@@ -17,7 +17,7 @@ F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
 COARSE, FINE = (8, 4), (2,)  # px of the picture per pixel of the images of the first searches, and of the last one
-COARSE_EVENTS, FINE_EVENTS = 6000, 10_000  # at most that many take part
+COARSE_EVENTS, FINE_EVENTS = 4000, 8000  # at most that many take part
 SPREAD = np.array([20.0, 20.0, 2.0, 2.0])  # px of an image per slice by which a search may end from its start
 CELL = 16  # px of the picture, of the cells that stand for areas
 CROWDED = 0.3  # of a cell's mean count: from about there on, more events count no more
@@ -97,7 +97,7 @@ class _Cells:
         warp_back(x, y, self._scene.t, motion * _scale(FINE[0]), centre, at)
         sharpness(at, np.ones(len(x), np.float32), images)
         read(at, images[2], close)
-        return np.bincount(self.of, close, len(self.count))
+        return np.bincount(self.of, close, len(self.count)).astype(np.float64)
 
     def say(self, before: F8, after: F8) -> float:
         """How much sharper the mean cell has become, in bounded logs."""

@@ -19,7 +19,7 @@ from evimo.evaluation.tables import as_markdown, as_rich
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.facts import own_version
 from evimo.recordings.recording import Recording, knows_truth, open_recording
-from evimo.streaming.inference import Network
+from evimo.streaming.models import model_of
 
 INFO = "dataset_info.json"
 WIDTH = 150
@@ -36,7 +36,7 @@ def evaluate(
 
     Args:
         paths: recordings, folders or .npz files, or folders that hold them.
-        model: a preset, or the path of an ONNX file.
+        model: a preset, or the path of an ONNX file, or `classical`, the training-free method.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
         imu: off scores events alone; auto takes the camera's rotation from the recordings' gyroscopes.
@@ -86,7 +86,7 @@ def evaluated(
     """The report of all recordings, scored one after the other; what was scored before is read from `out`."""
     settings: dict[str, str | float] = {
         "model": model,
-        "model sha256": Network(model).sha256,
+        **{f"model {key}": value for key, value in model_of(model).identity.items()},
         "density threshold": density_threshold,
         "imu": imu,
         "evimo": own_version(),

@@ -43,7 +43,7 @@ def run(
 
     Args:
         recording: an event file of any known format; `evimo info` says what is inside.
-        model: a preset's name, or an .onnx file.
+        model: a preset's name, or an .onnx file, or classical, a method that needs no weights.
         calibration: of the camera: kalibr YAML, EV-IMO calib.txt or DV XML. Without it what the recording says of
             itself, else a guess.
         sensor: its size as WxH, where the file does not tell.
@@ -87,10 +87,10 @@ def _prepared(
     """The run over a recording, everything checked that can be before it starts; `how` as in `Run`."""
     from evimo.formats.opening import open_events
     from evimo.formats.sensors import sensor_size
-    from evimo.streaming.inference import Network
+    from evimo.streaming.models import model_of
     from evimo.streaming.pipeline import Run
 
-    network = Network(model)
+    network = model_of(model)
     events = open_events(recording, sensor=sensor_size(sensor) if sensor else None)
     camera = None
     if calibration:

@@ -39,7 +39,8 @@ class Outputs:
         self._tables = self._opened(Tables(folder.path("egomotion.csv"), folder.path("objects.csv")))
         self._maps = self._events = self._video = None
         network = run.network
-        about = {"recording": run.events.path.name, "model": network.name, "model_sha256": network.sha256}
+        about = {"recording": run.events.path.name, "model": network.name}
+        about |= {f"model_{key}": value for key, value in network.identity.items()}
         if dense:
             path, valid = folder.path("estimates.h5"), run.rectification.valid
             maps = EstimatesFile(path, valid, attributes=about, watch=run.stopwatch)
