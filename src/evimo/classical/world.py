@@ -1,9 +1,10 @@
 """The motion of the static world in four parameters: shift, expansion and turn of the picture.
 
 Events carried back along the right motion fall onto each other, so the right motion makes their image sharpest. Four
-things keep an object that fills a third of the picture from being taken for the world. Events count by the area that
-they stand for, not by their number. A second motion is fitted to where the first one sharpens nothing. Of both, and of
-a camera at rest, the one wins that makes the largest area sharper. And what does not fit has no say in the last search.
+things keep an object that fills a third of the picture from being taken for the world. Crowded places are thinned, so
+that events count by the area that they stand for. A second motion is fitted to where the first one sharpens nothing. Of
+both, and of a camera at rest, the one wins that makes the largest area sharper. And what does not fit has little say in
+the last search.
 """
 
 from dataclasses import dataclass
@@ -22,10 +23,11 @@ SPREAD = np.array([20.0, 20.0, 2.0, 2.0])  # px of an image per slice by which a
 CELL = 16  # px of the picture, of the cells that stand for areas
 CROWDED = 0.3  # of a cell's mean count: from about there on, more events count no more
 FEWEST = 3  # events of a cell that has a say
-SERVED = 0.05  # log of how much sharper a motion makes the cells that it serves
+CALM = 6.0  # added to the sharpness of a cell, so that few events say little
+SERVED = 0.03  # log of how much sharper a motion makes the cells that it serves
 ELSEWHERE = 0.15  # weight of their events in the second search
 MOST_SAY = 0.1  # of a cell, in logs of sharpness
-REST = 0.01  # mean say up to which the camera rests
+REST = 0.008  # mean say up to which the camera rests
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,22 +44,37 @@ class Scene:
     size: tuple[int, int]
     centre: tuple[float, float]
 
+    def cells(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Each event's cell, (N,), and how many events each cell holds."""
+        across = self.size[1] // CELL + 1
+        row, column = ((each + np.float32(0.5)).astype(np.intp) // CELL for each in (self.y, self.x))
+        of = row * across + column
+        return of, np.bincount(of, minlength=(self.size[0] // CELL + 1) * across)
+
     def thinned(self, most: int) -> "Scene":
-        """The same with at most so many of the events, evenly chosen."""
-        step = max(1, -(-len(self.t) // most))
-        return Scene(self.x[::step], self.y[::step], self.t[::step], self.size, self.centre)
+        """The same with about `most` of the events, at most: all of calm cells, evenly chosen ones of crowded cells."""
+        if len(self.t) <= most:
+            return self
+        of, count = self.cells()
+        ordered = np.sort(count)
+        room = (most - np.cumsum(ordered) + ordered) / np.arange(len(ordered), 0, -1)  # for each of the fuller cells
+        kept = room[np.argmax(room < ordered)]
+        chosen = np.diff(np.floor(np.cumsum((kept / np.maximum(count, kept))[of])), prepend=0) > 0
+        return Scene(self.x[chosen], self.y[chosen], self.t[chosen], self.size, self.centre)
 
 
 def coarse_motion(scene: Scene) -> F8 | None:
     """Return about the motion (4,) of the static world, as in `sharpness`; None where the camera seems to rest."""
-    scene = scene.thinned(COARSE_EVENTS)
-    cells, resting = _Cells(scene), np.zeros(4)
-    first = searched(scene, cells.weight, resting, steps=COARSE)
-    before, after = cells.sharpness(resting), cells.sharpness(first)
-    served = np.log((after + 1) / (before + 1)) > SERVED
-    weight = cells.weight * np.where(served, ELSEWHERE, 1).astype(np.float32)[cells.of]
-    second = searched(scene, weight, resting, steps=COARSE)
-    says = [cells.say(before, each) for each in (after, cells.sharpness(second))]
+    scene = scene.thinned(FINE_EVENTS)
+    few, cells, resting = scene.thinned(COARSE_EVENTS), _Cells(scene), np.zeros(4)
+    searching = _Cells(few)
+    before = cells.sharpness(resting)
+    first = searched(few, searching.weight, resting, steps=COARSE)
+    by_first = np.log(cells.sharpness(first) / before)
+    weight = searching.weight * np.where(by_first > SERVED, ELSEWHERE, 1).astype(np.float32)[searching.of]
+    second = searched(few, weight, resting, steps=COARSE)
+    by_second = np.log(cells.sharpness(second) / before)
+    says = cells.say(by_first, by_second), cells.say(by_second, by_first)
     if max(says) <= REST:
         return None
     return first if says[0] >= says[1] else second
@@ -83,27 +100,23 @@ class _Cells:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        across = scene.size[1] // CELL + 1
-        row, column = ((each + np.float32(0.5)).astype(np.intp) // CELL for each in (scene.y, scene.x))
-        self.of = row * across + column
-        self.count = np.bincount(self.of, minlength=(scene.size[0] // CELL + 1) * across)
+        self.of, self.count = scene.cells()
         mean = max(1.0, len(self.of) / max(1, int(np.count_nonzero(self.count))))
         self.weight = (1 / (self.count / mean + CROWDED)).astype(np.float32)[self.of]
 
     def sharpness(self, motion: F8) -> F8:
-        """How closely the events of each cell lie together along a motion."""
+        """How closely the events of each cell lie together along a motion; never 0."""
         x, y, images, centre = _at_scale(self._scene, FINE[0])
         at, close = np.empty((2, len(x)), np.float32), np.empty(len(x), np.float32)
         warp_back(x, y, self._scene.t, motion * _scale(FINE[0]), centre, at)
         sharpness(at, np.ones(len(x), np.float32), images)
         read(at, images[2], close)
-        return np.bincount(self.of, close, len(self.count)).astype(np.float64)
+        return np.bincount(self.of, close, len(self.count)) + CALM
 
-    def say(self, before: F8, after: F8) -> float:
-        """How much sharper the mean cell has become, in bounded logs."""
-        asked = self.count >= FEWEST
-        logs = np.log((after[asked] + 1) / (before[asked] + 1))
-        return float(np.clip(logs, -MOST_SAY, MOST_SAY).mean()) if len(logs) else 0.0
+    def say(self, sharper: F8, by_other: F8) -> float:
+        """How much sharper, in bounded logs, a motion makes the mean cell; those that only the other serves count 0."""
+        own = (self.count >= FEWEST) & ~((sharper < 0) & (by_other > SERVED))
+        return float(np.clip(sharper[own], -MOST_SAY, MOST_SAY).sum() / len(self.count))
 
 
 def _scale(step: int) -> F8:
