@@ -19,7 +19,8 @@ F8 = NDArray[np.float64]
 
 COARSE, FINE = (8, 4), (2,)  # px of the picture per pixel of the images of the first searches, and of the last one
 COARSE_EVENTS, FINE_EVENTS = 4000, 8000  # at most that many take part
-SPREAD = np.array([20.0, 20.0, 2.0, 2.0])  # px of an image per slice by which a search may end from its start
+SPREAD = np.array([20.0, 20.0, 2.0, 2.0])  # px of an image per slice by which a first search may end from its start
+FREE = 10 * SPREAD  # and the last one: pulled to its start, it would find too little expansion and turn
 CELL = 16  # px of the picture, of the cells that stand for areas
 CROWDED = 0.3  # of a cell's mean count: from about there on, more events count no more
 FEWEST = 3  # events of a cell that has a say
@@ -82,16 +83,16 @@ def coarse_motion(scene: Scene) -> F8 | None:
 
 def fine_motion(scene: Scene, share: F4, start: F8) -> F8:
     """Return the motion near `start` that makes the events sharpest, each counting by its share (N,)."""
-    return searched(scene, _Cells(scene).weight * share, start, steps=FINE)
+    return searched(scene, _Cells(scene).weight * share, start, steps=FINE, spread=FREE)
 
 
-def searched(scene: Scene, weight: F4, start: F8, *, steps: tuple[int, ...]) -> F8:
+def searched(scene: Scene, weight: F4, start: F8, *, steps: tuple[int, ...], spread: F8 = SPREAD) -> F8:
     """Return the motion near `start` that makes weighted events sharpest, in images of coarser, then finer pixels."""
     motion = start
     for step in steps:
         x, y, images, centre = _at_scale(scene, step)
         scale = _scale(step)
-        motion = sharpest(x, y, scene.t, weight, motion * scale, centre, SPREAD, images) / scale
+        motion = sharpest(x, y, scene.t, weight, motion * scale, centre, spread, images) / scale
     return motion
 
 
@@ -111,7 +112,7 @@ class _Cells:
         warp_back(x, y, self._scene.t, motion * _scale(FINE[0]), centre, at)
         sharpness(at, np.ones(len(x), np.float32), images)
         read(at, images[2], close)
-        return np.bincount(self.of, close, len(self.count)) + CALM
+        return np.bincount(self.of, close, len(self.count)).astype(np.float64) + CALM
 
     def say(self, sharper: F8, by_other: F8) -> float:
         """How much sharper, in bounded logs, a motion makes the mean cell; those that only the other serves count 0."""
