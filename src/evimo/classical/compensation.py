@@ -60,12 +60,12 @@ def compensate(scene: Scene, parameters: Parameters) -> Compensated:
 
 def world_and_misfit(scene: Scene, parameters: Parameters) -> tuple[F8, Misfit]:
     """Return the world's motion (4,), from what fits it, and how badly each place fits."""
-    start = coarse_motion(scene)
+    few = scene.thinned(FINE_EVENTS)
+    start = coarse_motion(few)
     if start is None:
         world = np.zeros(4)
         return world, misfit(scene, world)
     moving = _probability(misfit(scene, start).score, parameters)
-    few = scene.thinned(FINE_EVENTS)
     row, column = ((each + np.float32(0.5)).astype(np.intp) // STEP for each in (few.y, few.x))
     world = fine_motion(few, 1 - moving[row, column], start)
     return world, misfit(scene, world)

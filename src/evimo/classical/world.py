@@ -18,7 +18,7 @@ F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
 COARSE, FINE = (8, 4), (2,)  # px of the picture per pixel of the images of the first searches, and of the last one
-COARSE_EVENTS, FINE_EVENTS = 4000, 8000  # at most that many take part
+COARSE_EVENTS, FINE_EVENTS = 3000, 7000  # at most that many take part
 SPREAD = np.array([20.0, 20.0, 2.0, 2.0])  # px of an image per slice by which a first search may end from its start
 FREE = 10 * SPREAD  # and the last one: pulled to its start, it would find too little expansion and turn
 CELL = 16  # px of the picture, of the cells that stand for areas
@@ -66,7 +66,6 @@ class Scene:
 
 def coarse_motion(scene: Scene) -> F8 | None:
     """Return about the motion (4,) of the static world, as in `sharpness`; None where the camera seems to rest."""
-    scene = scene.thinned(FINE_EVENTS)
     few, cells, resting = scene.thinned(COARSE_EVENTS), _Cells(scene), np.zeros(4)
     searching = _Cells(few)
     before = cells.sharpness(resting)
