@@ -31,7 +31,7 @@ def test_the_classical_method_leaves_the_same_files_without_weights(recording, t
     assert names_in(out) == ALL | {"events.h5"}
     model = json.loads((out / "summary.json").read_text())["model"]
     assert model["name"] == "classical" and "sha256" not in model
-    assert "threshold 2" in model["parameters"] and model["config"]["threshold"] == 2
+    assert "threshold 1.8" in model["parameters"] and model["config"]["threshold"] == 1.8
     with h5py.File(out / "estimates.h5") as saved:
         assert saved.attrs["model"] == "classical"
         assert saved.attrs["model_parameters"] == model["parameters"]

@@ -25,7 +25,7 @@ class Parameters:
     """
 
     window: float = 1.0
-    threshold: float = 2.0
+    threshold: float = 1.8
     steepness: float = 2.0
     supported: float = 0.5
 

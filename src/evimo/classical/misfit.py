@@ -26,6 +26,7 @@ AROUND = 3.0  # pixels of the maps: standard deviation of what counts as one pla
 CROWD_POWER = 1.5
 CALM_COUNT, CALM_TIME, CALM_SORTED = 0.3, 1.0, 0.01  # times the mean, added so that few events tell little
 NOISE = 0.03  # events per pixel, added to their mean
+PER_CROWD = 0.5  # of the log of their mean: where events are many, all times look alike sooner
 
 
 class Misfit(NamedTuple):
@@ -52,13 +53,14 @@ def misfit(scene: Scene, motion: F8) -> Misfit:
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def _score(crowd, ordered, spread, means, score):
     mean, square = means
+    offset = np.float32(PER_CROWD) * np.log(mean)
     for row in range(crowd.shape[0]):
         for k in range(crowd.shape[1]):
             alike = (ordered[row, k] + np.float32(CALM_SORTED) * square) / (
                 spread[row, k] + np.float32(CALM_TIME) * square
             )
             crowded = (crowd[row, k] + np.float32(CALM_COUNT) * mean) / mean
-            score[row, k] = np.log(alike) + np.float32(CROWD_POWER) * np.log(crowded)
+            score[row, k] = np.log(alike) + np.float32(CROWD_POWER) * np.log(crowded) - offset
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
