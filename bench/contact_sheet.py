@@ -7,7 +7,6 @@ is in view. The JPEG has the best quality that keeps it below so many kB.
 """
 
 import argparse
-import os
 from pathlib import Path
 
 import cv2
@@ -35,6 +34,7 @@ from evimo.viewing.truth_panels import (
     paint_truth,
     truth_titles,
 )
+from evimo.writing import new_file
 
 COLUMNS = ("intensity", "events", "objects", "depth", "flow")
 PANEL = 300  # px wide
@@ -116,10 +116,8 @@ def save_small(image: Image, path: Path, *, most_kb: float) -> int:
         _, written = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality, *sampling])
         if len(written) < most_kb * 1000:
             break
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    unfinished.write_bytes(written.tobytes())
-    os.replace(unfinished, path)
+    with new_file(path) as file:
+        file.write_bytes(written.tobytes())
     return quality
 
 

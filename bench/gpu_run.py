@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evimo.errors import BadFile, EvimoError
+from evimo.writing import new_file
 
 if TYPE_CHECKING:
     from evimo.training.loop import Trainer
@@ -73,9 +74,8 @@ def write(path: Path, content: bytes) -> None:
     """Write a file beside and rename it."""
     if len(content) > LARGEST:
         raise BadFile(f"{path} has {len(content)} bytes, which is more than {LARGEST}", fix="a smaller --preset")
-    partial = path.with_name(f".{path.name}")
-    partial.write_bytes(content)
-    partial.replace(path)
+    with new_file(path) as file:
+        file.write_bytes(content)
 
 
 @contextmanager
@@ -173,13 +173,14 @@ def simulator(options: argparse.Namespace, report: dict[str, Any]) -> None:
     """Speed of the simulator on the GPU and agreement with the CPU, on one scene at a time while time is left."""
     from gpu import SEED, agreement, rates
 
+    from evimo.simulate.plan import RecordingPlan
     from evimo.simulate.recording import simulate_recording
 
     report["scenes"] = []
     for number in range(1, 7):
         if time.perf_counter() > options.end_s - ROOM_S:
             return
-        recording = simulate_recording(SEED + number, set_number=number, seconds=0.5, device="cuda")
+        recording = simulate_recording(RecordingPlan(seed=SEED + number, set_number=number, seconds=0.5, device="cuda"))
         found = agreement(recording, 4) | rates(recording, 128, 1)
         report["scenes"].append({"set": number, **found})
         print(report["scenes"][-1], flush=True)

@@ -55,18 +55,13 @@ def recording_scores(path: Path, model: str | None) -> dict[str, Scores]:
         if labels is None or k is None:
             continue
         first, last = np.searchsorted(whole.t, (estimate.start_us, estimate.stop_us))
-        true = np.isin(ids[first:last], moving_keys(recording.truth(k)))
+        true = recording.truth(k).of_movers(ids[first:last])
         x, y = labels.events.x, labels.events.y
         scored = estimate.valid[y, x]
         ways = estimate.ids[y, x], carried_masks(estimate, rectification), labels.objects
         called = zip(WAYS, ways, strict=True)
         parts.append({name: event_scores((way > 0)[scored], true[scored]) for name, way in called})
     return added_rows(parts)
-
-
-def moving_keys(truth: Truth) -> list[int]:
-    """The ids of what moves now."""
-    return [key for key, body in truth.objects.items() if body.moves]
 
 
 def labelled(recording: Recording, whole: Events, model: str | None) -> Iterator[tuple[Estimate, Rectification]]:
@@ -87,12 +82,11 @@ def labelled(recording: Recording, whole: Events, model: str | None) -> Iterator
 def true_estimate(truth: Truth, grid: NDArray[np.float64], rectification: Rectification) -> Estimate:
     """What a network would say that knows everything of the slice."""
     start_us = truth.t_us // SLICE_US * SLICE_US
-    moving = moving_keys(truth)
-    ids = np.where(np.isin(truth.ids, moving) & rectification.valid, truth.ids, 0).astype(np.uint8)
+    ids = np.where(truth.of_movers(truth.ids) & rectification.valid, truth.ids, 0).astype(np.uint8)
     mean = float(truth.depth[truth.valid].mean()) if truth.valid.any() else 1.0
     rel_depth = np.where(truth.valid, truth.depth / mean, 1).astype(np.float32)
     velocities = np.zeros((256, 3))
-    for key in moving:
+    for key in truth.movers:
         velocities[key] = truth.objects[key].velocity / mean
     return Estimate(
         t_us=start_us + SLICE_US // 2,

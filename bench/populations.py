@@ -15,7 +15,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from evimo.cli.evaluate import recordings_in
 from evimo.evaluation.baselines import (
     DENSITY_THRESHOLD,
     EVERYTHING,
@@ -31,6 +30,7 @@ from evimo.evaluation.ratios import Scores, added
 from evimo.evaluation.scores import mask_scores
 from evimo.evaluation.scoring import labelled_slices
 from evimo.evaluation.tables import cell, header
+from evimo.recordings.finding import recordings_in
 from evimo.recordings.recording import open_recording
 
 QUANTILES = (10, 25, 50, 75, 90)

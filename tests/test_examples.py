@@ -26,7 +26,7 @@ def test_example_runs_on_the_sample(example: Path, tmp_path: Path):
 def test_the_page_of_python_runs_from_top_to_bottom(tmp_path: Path):
     """Blocks of Python in one process, and the commands between them."""
     page = (ROOT / "docs" / "python.md").read_text()
-    steps = re.findall(r"```python\n(.*?)```|^    (evimo .*)$", page, flags=re.DOTALL | re.MULTILINE)
+    steps = re.findall(r"```python\n(.*?)```|^    (evimo [^\n]*)$", page, flags=re.DOTALL | re.MULTILINE)
     assert len(steps) > 7
     command = "import subprocess, sys; subprocess.run([sys.executable, '-m', 'evimo.cli', *{!r}], check=True)"
     program = "\n".join(block or command.format(line.split()[1:]) for block, line in steps)

@@ -17,14 +17,26 @@ if TYPE_CHECKING:
     from evimo.model.checkpoint import load_model
     from evimo.recordings.estimate import Estimate
     from evimo.recordings.recording import open_recording
+    from evimo.streaming.evaluating import evaluate
     from evimo.streaming.pipeline import run
 
-__all__ = ["Camera", "Estimate", "Events", "load_camera", "load_model", "open_events", "open_recording", "run"]
+__all__ = [
+    "Camera",
+    "Estimate",
+    "Events",
+    "evaluate",
+    "load_camera",
+    "load_model",
+    "open_events",
+    "open_recording",
+    "run",
+]
 
 _HOMES = {
     "Camera": "evimo.geometry.camera",
     "Estimate": "evimo.recordings.estimate",
     "Events": "evimo.events.events",
+    "evaluate": "evimo.streaming.evaluating",
     "load_camera": "evimo.geometry.calibration",
     "load_model": "evimo.model.checkpoint",
     "open_events": "evimo.formats.opening",
@@ -43,7 +55,9 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name in _TRAINING_ONLY:
-        _check_training_installed(name)
+        from evimo.errors import check_installed
+
+        check_installed(f"evimo.{name}", "torch", "safetensors", extra="train")
     found = getattr(import_module(_HOMES[name]), name)
     globals()[name] = found
     return found
@@ -51,12 +65,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
-
-
-def _check_training_installed(name: str) -> None:
-    from importlib.util import find_spec
-
-    from evimo.errors import MissingExtra
-
-    if missing := [module for module in ("torch", "safetensors") if find_spec(module) is None]:
-        raise MissingExtra(f"evimo.{name} needs {' and '.join(missing)}", fix='pip install "evimo[train]"')

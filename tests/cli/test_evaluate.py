@@ -11,7 +11,6 @@ import pytest
 from pytest import approx
 
 from evimo.cli import main
-from evimo.cli.evaluate import recordings_in
 from evimo.errors import NotFound
 from evimo.evaluation.report import MODEL, load_report
 from evimo.evaluation.scoring import labelled_estimates
@@ -19,11 +18,13 @@ from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.evimo1_writer import Evimo1Writer
+from evimo.recordings.finding import recordings_in
 from evimo.recordings.flow import true_flow
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.recording import Recording, open_recording
 from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.recordings.writer import RecordingWriter
+from evimo.writing import MARKER
 
 CAMERA = Camera(fx=40.0, fy=40.0, cx=19.5, cy=14.5, height=30, width=40)
 EGO = np.array([0.3, 0, 0.4, 0, 0.2, 0])
@@ -95,8 +96,8 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         def __init__(self, name):
             self.identity = {"sha256": f"digest of {name}"}
 
-    monkeypatch.setattr("evimo.cli.evaluate.streaming.run", run)
-    monkeypatch.setattr("evimo.cli.evaluate.model_of", Network)
+    monkeypatch.setattr("evimo.streaming.evaluating.run", run)
+    monkeypatch.setattr("evimo.streaming.evaluating.model_of", Network)
     return done
 
 
@@ -171,8 +172,8 @@ def test_recordings_scored_before_are_not_scored_again(runs, recordings, tmp_pat
 
 def test_files_in_the_layout_of_ev_imo_score_as_folders_do(runs, recordings, tmp_path):
     file = save_recording(tmp_path / "v1" / "c.npz", Evimo1Writer)
-    (tmp_path / "v1" / ".d.npz.unfinished").mkdir()
-    shutil.copy(file, tmp_path / "v1" / ".d.npz.unfinished" / "packed.npz")
+    (tmp_path / "v1" / f"{MARKER}d").mkdir()
+    shutil.copy(file, tmp_path / "v1" / f"{MARKER}d" / "d.npz")
     np.savez(tmp_path / "v1" / "other.npz", x=np.zeros(3))
     assert recordings_in([recordings, tmp_path / "v1", file]) == [recordings / "a", recordings / "b", file]
     for name, path in (("v2", recordings / "a"), ("v1", file)):
@@ -186,7 +187,7 @@ def test_each_recording_counts_once_however_it_is_named(recordings):
 
 
 def test_unfinished_recordings_are_passed_over(recordings):
-    (recordings / "a").rename(recordings / ".a.unfinished")
+    (recordings / "a").rename(recordings / f"{MARKER}a")
     assert recordings_in([recordings]) == [recordings / "b"]
 
 

@@ -10,6 +10,7 @@ import h5py
 import pytest
 
 from evimo.cli import main
+from evimo.writing import MARKER
 
 ALL = {"egomotion.csv", "objects.csv", "summary.json", "estimates.h5", "video.mp4"}
 
@@ -57,7 +58,11 @@ def test_a_recording_becomes_video_tables_and_maps(recording, fake_network, tmp_
         "event_labels": False,
         "imu": "auto",
         "calibration": None,
+        "camera": None,
         "sensor": "32x24",
+        "time_unit": None,
+        "columns": None,
+        "topic": None,
     }
     assert [f"warning: {text}" for text in summary["warnings"]] == warned
 
@@ -132,7 +137,7 @@ def test_ctrl_c_leaves_complete_outputs_of_what_was_done(long_recording, fake_ne
         text=True,
     )
     deadline = time.monotonic() + 120
-    while not list(out.glob(".partial-*/video.mp4")) and time.monotonic() < deadline and running.poll() is None:
+    while not list(out.glob(f"{MARKER}*/video.mp4")) and time.monotonic() < deadline and running.poll() is None:
         time.sleep(0.05)
     running.send_signal(signal.SIGINT)
     said, errors = running.communicate(timeout=120)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evimo.evaluation.labels import labelled, of_moving
+from evimo.evaluation.labels import labelled
 from evimo.recordings.truth import ObjectTruth
 
 
@@ -38,4 +38,4 @@ def test_events_on_pixels_outside_the_rectified_image_are_left_out(sample, box):
 def test_an_id_without_motion_of_its_own_is_background(sample):
     truth = sample.truth
     truth.objects.clear()
-    assert not of_moving(truth.ids, truth).any()
+    assert not truth.of_movers(truth.ids).any()

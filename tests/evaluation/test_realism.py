@@ -20,8 +20,10 @@ from evimo.formats import open_events
 from evimo.formats.event_file import EventFile
 from evimo.scene.motion import Motion
 from evimo.simulate.pixels import Pixels
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import SimulatedRecording, simulate_recording
 from evimo.simulate.sensor import draw_sensor
+from evimo.writing import save_text
 
 FACTOR = Measure(name="isolated", header="isolated", meaning="", factor=2.0)
 MARGIN = Measure(name="on", header="ON", meaning="", margin=0.05)
@@ -76,7 +78,7 @@ def test_recordings_without_a_value_do_not_count():
 
 def test_a_report_saves_all_of_it_as_json(tmp_path):
     realism = compared([0.1], [0.9], FACTOR)
-    realism.save(tmp_path / "new" / "realism.json")
+    save_text(realism.as_json(), tmp_path / "new" / "realism.json")
     saved = json.loads((tmp_path / "new" / "realism.json").read_text())
     assert saved["outside"] == ["isolated"]
     assert saved["verdicts"]["isolated"]["off"] == approx(9)
@@ -124,7 +126,7 @@ def in_normal_light(sensor: str, sets: tuple[int, ...], *, seconds: float) -> It
     """Recordings of these sets in turn, without end."""
     for seed in count(SEED):
         number = sets[seed % len(sets)]
-        recording = simulate_recording(seed, set_number=number, seconds=seconds, sensor=sensor)
+        recording = simulate_recording(RecordingPlan(seed=seed, set_number=number, seconds=seconds, sensor=sensor))
         if recording.settings.floor < 0.01:
             yield recording
 
@@ -147,7 +149,10 @@ def moving_statistics() -> list[EventStatistics]:
 @cache
 def swept_statistics() -> list[EventStatistics]:
     """Of whatever `evimo simulate --set all` makes: cameras move, and some scenes are dark."""
-    made = (simulate_recording(SEED + 4000 + k, set_number=k % 6 + 1, seconds=0.1) for k in range(RECORDINGS // 2))
+    made = (
+        simulate_recording(RecordingPlan(seed=SEED + 4000 + k, set_number=k % 6 + 1, seconds=0.1))
+        for k in range(RECORDINGS // 2)
+    )
     return [filmed(each) for each in made]
 
 

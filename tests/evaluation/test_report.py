@@ -14,6 +14,7 @@ from evimo.evaluation.ratios import Score
 from evimo.evaluation.report import MODEL, Report, load_report
 from evimo.evaluation.scores import mask_scores
 from evimo.evaluation.tables import as_markdown, as_rich
+from evimo.writing import save_text
 
 
 def report_of(sample, mask) -> Report:
@@ -57,7 +58,7 @@ def test_what_was_saved_is_read_back(report, tmp_path):
 
 
 def test_csv_has_a_line_per_row_and_leaves_unknowns_empty(report, tmp_path):
-    report.save_csv(tmp_path / "report.csv")
+    save_text(report.as_csv(), tmp_path / "report.csv")
     lines = list(csv.DictReader((tmp_path / "report.csv").open()))
     assert [line["row"] for line in lines] == list(report.table_rows)
     assert float(lines[0]["iou"]) == approx(0.5)

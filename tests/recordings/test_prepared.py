@@ -1,16 +1,18 @@
+import errno
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile, NotFound
+from evimo.errors import BadFile, BadInput, NotFound
 from evimo.geometry.camera import Camera
 from evimo.recordings import prepared as module
 from evimo.recordings.prepared import open_prepared, prepare, recording_folders
 from evimo.recordings.recording import open_recording
 from evimo.recordings.truth import ObjectTruth
 from evimo.recordings.writer import RecordingWriter
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 SIZE = (48, 64)
@@ -26,7 +28,9 @@ def simulated(tmp_path_factory):
     def folder(camera):
         if camera not in made:
             path = tmp_path_factory.mktemp("recordings") / "recording"
-            film = replace(simulate_recording(3, set_number=1, seconds=0.1, size=SIZE), camera=camera)
+            film = replace(
+                simulate_recording(RecordingPlan(seed=3, set_number=1, seconds=0.1, size=SIZE)), camera=camera
+            )
             with RecordingWriter(path, camera) as writer:
                 for piece in film:
                     writer.write(piece.events, piece.truth, clutter_bodies=piece.clutter.astype(np.uint8))
@@ -187,12 +191,12 @@ def test_a_failure_leaves_nothing_behind(simulated, tmp_path, monkeypatch):
         (folder / file.name).symlink_to(file)
     before = sorted(folder.iterdir())
 
-    def full(path, values):
-        raise OSError("no space left")
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(module.np, "save", full)
-        with pytest.raises(OSError, match="no space"):
+        patch.setattr(module, "_save_array", full)
+        with pytest.raises(BadInput, match=f"cannot write {folder}"):
             prepare(folder)
     assert sorted(folder.iterdir()) == before
     assert len(open_prepared(prepare(folder))) == 4
@@ -209,12 +213,22 @@ def test_damaged_arrays_are_said_to_be(name, left, simulated, tmp_path):
 
 
 def test_recordings_are_found_at_any_depth_and_by_name(tmp_path):
-    for name in ("b", "a", "deep/er/c", "d/.partial-1"):
+    for name in ("b", "a", "deep/er/c"):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "dataset_sim.npz").touch()
     found = recording_folders([tmp_path])
     assert [str(path.relative_to(tmp_path)) for path in found] == ["a", "b", "deep/er/c"]
     assert recording_folders([tmp_path / "b", tmp_path / "a"]) == [tmp_path / "b", tmp_path / "a"]
+
+
+def test_a_recording_that_is_being_written_is_not_found(tmp_path):
+    """Every folder and file of the writer's, at the moment before the recording gets its name."""
+    with RecordingWriter(tmp_path / "new", PINHOLE):
+        for folder in [path for path in tmp_path.rglob("*") if path.is_dir()]:
+            (folder / "dataset_sim.npz").touch()
+        with pytest.raises(NotFound):
+            recording_folders([tmp_path])
+    assert recording_folders([tmp_path]) == [tmp_path / "new"]
 
 
 def test_a_folder_without_recordings(tmp_path):

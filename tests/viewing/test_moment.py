@@ -43,8 +43,11 @@ def test_marks_of_truth_are_where_the_ids_are(part):
 
 def test_objects_out_of_view_have_no_mark_and_resting_ones_are_counted(part):
     ids = np.zeros(SIZE, np.uint8)
-    ids[0, 0], ids[1, 1], ids[2, 2] = 1, 2, 4
+    ids[0, 0], ids[1, 1], ids[2, 2], ids[3, 3] = 1, 2, 4, 5
     still, moving, turning = ((0, 0, 0), (0, 0, 0)), ((0, 0, 1), (0, 0, 0)), ((0, 0, 0), (0, 1, 0))
-    moment = true(truth_of(ids, o1=still, o2=moving, o3=moving, o4=turning), part)
-    assert [mark.id for mark in moment.marks] == [1, 2, 4]
-    assert moment.headline == "3 objects in view, 1 at rest"
+    creeping = ((0.02, 0, 0), (0, 0.1, 0))
+    truth = truth_of(ids, o1=still, o2=moving, o3=moving, o4=turning, o5=creeping)
+    moment = true(truth, part)
+    assert [mark.id for mark in moment.marks] == [1, 2, 4, 5]
+    assert moment.headline == "4 objects in view, 2 at rest"  # as training and evaluation have it
+    assert truth.movers == [2, 3, 4]

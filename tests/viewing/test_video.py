@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadInput
-from evimo.viewing.video import VideoWriter, WholeVideo
+from evimo.viewing.video import VideoWriter, whole_video
 
 SIZE = (48, 64)
 COLOURS = [(255, 104, 82), (76, 160, 255), (240, 228, 66), (11, 13, 17), (236, 239, 243)]
@@ -75,25 +75,24 @@ def test_bad_names_and_speeds_are_refused(tmp_path, name, fps):
         VideoWriter(tmp_path / name, fps=fps)
 
 
-def test_a_whole_video_appears_when_it_is_kept(tmp_path):
+def test_a_whole_video_appears_when_it_is_done(tmp_path):
     path = tmp_path / "new" / "v.mp4"
-    with WholeVideo(path, fps=40) as video:
+    with whole_video(path, fps=40) as video:
         for _ in range(3):
             video.write(plain(COLOURS[0]))
         assert not path.exists()
-        video.keep()
     assert len(read(path)[3]) == 3
     assert list(path.parent.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("before", [True, False])
-def test_without_keeping_nothing_changes(tmp_path, before):
+def test_an_error_changes_nothing(tmp_path, before):
     path = tmp_path / ("old" if before else "new") / "v.mp4"
     if before:
         path.parent.mkdir()
         path.write_bytes(b"old")
     there = sorted(tmp_path.rglob("*"))
-    with pytest.raises(RuntimeError), WholeVideo(path, fps=40) as video:
+    with pytest.raises(RuntimeError), whole_video(path, fps=40) as video:
         video.write(plain(COLOURS[0]))
         raise RuntimeError
     assert sorted(tmp_path.rglob("*")) == there
@@ -103,9 +102,6 @@ def test_without_keeping_nothing_changes(tmp_path, before):
 def test_names_that_cannot_be_written_are_refused(tmp_path):
     (tmp_path / "folder.mp4").mkdir()
     (tmp_path / "file").touch()
-    with pytest.raises(BadInput, match="is a folder"):
-        WholeVideo(tmp_path / "folder.mp4", fps=40)
-    with pytest.raises(BadInput, match=r"video\.avi"):
-        WholeVideo(tmp_path / "video.avi", fps=40)
-    with pytest.raises(BadInput, match="cannot write"), WholeVideo(tmp_path / "file" / "v.mp4", fps=40):
-        pass
+    for name, message in (("folder.mp4", "is a folder"), ("video.avi", r"video\.avi"), ("file/v.mp4", "cannot write")):
+        with pytest.raises(BadInput, match=message), whole_video(tmp_path / name, fps=40):
+            pass

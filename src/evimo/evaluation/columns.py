@@ -6,6 +6,7 @@ from typing import Literal
 
 from evimo.evaluation.ceilings import NEAREST_M, THRESHOLD_PX
 from evimo.evaluation.strata import AREAS, FAMILIARITY, RESIDUALS
+from evimo.recordings.truth import MOVING_DEGPS, MOVING_MPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +127,9 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 CONVENTIONS: tuple[str, ...] = (
     "One estimate per 25 ms slice, scored in sensor pixels against the truth at its centre (at most 1 ms away).",
     "Scored are the pixels that the lens maps into the rectified image, the same for every row; no dilation.",
-    "A mask is the moving probability above 0.5. Moving in truth: an object faster than 3 cm/s or 10 °/s relative to"
-    " the static world at that instant; resting objects are background.",
+    "A mask is the moving probability above 0.5. Moving in truth: an object faster than"
+    f" {100 * MOVING_MPS:g} cm/s or {MOVING_DEGPS} °/s relative to the static world at that instant; resting objects"
+    " are background.",
     "Frames in which nothing moves in sight are left out of IoU; they count in pooled and event IoU and alone make up"
     " the false alarms.",
     "Residual motion of a mover: median over its pixels of how far their true flow differs from that of a static point"

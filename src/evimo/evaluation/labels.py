@@ -79,11 +79,6 @@ class LabelledSlice:
     dt_s: float
 
 
-def of_moving(ids: NDArray[np.uint8], truth: Truth) -> Mask:
-    """Which of the ids, of pixels or of events, are those of objects that move at this instant."""
-    return np.isin(ids, [key for key, body in truth.objects.items() if body.moves])
-
-
 def labelled(
     events: Events,
     truth: Truth,
@@ -97,7 +92,7 @@ def labelled(
     familiar: Mapping[int, bool] | None = None,
 ) -> LabelledSlice:
     """A slice's events and truth as one `LabelledSlice`; `event_ids` of all its events, `familiar` by object."""
-    moving = of_moving(truth.ids, truth)
+    moving = truth.of_movers(truth.ids)
     kept = scored[events.y, events.x]
     inside = Events(events.x[kept], events.y[kept], events.t[kept], events.p[kept])
     active = np.zeros(scored.shape, np.bool_)

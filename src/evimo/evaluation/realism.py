@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -211,10 +210,9 @@ class Realism:
             "simulated": [_recording(each) for each in self.simulated],
         }
 
-    def save(self, path: str | Path) -> None:
-        """Write all of it as JSON; folders are made."""
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        Path(path).write_text(json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    def as_json(self) -> str:
+        """All of it."""
+        return json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n"
 
 
 def interval_grid_ms() -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """The result of an evaluation: adds up over slices and recordings, saves itself, prints through `tables`."""
 
 import csv
+import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from evimo.errors import BadFile, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.columns import COLUMNS, CONVENTIONS
 from evimo.evaluation.ratios import Score, Scores, added
+from evimo.writing import save_text
 
 Key = TypeVar("Key")
 
@@ -81,18 +83,26 @@ class Report:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write all sums and values as JSON."""
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        Path(path).write_text(json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        """Write all sums and values as JSON; folders are made.
 
-    def save_csv(self, path: str | Path) -> None:
-        """Write the values as a table: one line per row, empty where nothing was scored."""
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(["row", *(column.name for column in COLUMNS)])
-            for row, scores in self.table_rows.items():
-                values = (scores[column.name].value if column.name in scores else None for column in COLUMNS)
-                writer.writerow([row, *("" if value is None else f"{value:.6g}" for value in values)])
+        Raises:
+            BadInput: it cannot be written, or the disk is full.
+        """
+        save_text(self.as_json(), path)
+
+    def as_json(self) -> str:
+        """All sums and values, as `load_report` reads them back."""
+        return json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n"
+
+    def as_csv(self) -> str:
+        """The values as a table: one line per row, empty where nothing was scored."""
+        text = io.StringIO()
+        writer = csv.writer(text)
+        writer.writerow(["row", *(column.name for column in COLUMNS)])
+        for row, scores in self.table_rows.items():
+            values = (scores[column.name].value if column.name in scores else None for column in COLUMNS)
+            writer.writerow([row, *("" if value is None else f"{value:.6g}" for value in values)])
+        return text.getvalue()
 
 
 def added_tables(first: Mapping[Key, Scores], second: Mapping[Key, Scores]) -> dict[Key, Scores]:

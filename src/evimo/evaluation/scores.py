@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation import metrics
-from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice, of_moving
+from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice
 from evimo.evaluation.metrics import Floats, Mask
 from evimo.evaluation.ratios import Score, Scores, added
 from evimo.evaluation.strata import mover_scores
@@ -61,7 +61,7 @@ def event_label_scores(called: Mask, sample: LabelledSlice) -> Scores:
     if true.any():
         scores["event_iou_frames"] = Score(cut / union, 1)
     if sample.event_ids is not None:
-        scores["event_iou_own"] = Score(*metrics.overlap(called, of_moving(sample.event_ids, sample.truth)))
+        scores["event_iou_own"] = Score(*metrics.overlap(called, sample.truth.of_movers(sample.event_ids)))
     if not sample.moving.any():
         scores["false_alarm_events"] = Score(int(np.count_nonzero(called)), len(called))
     return scores

@@ -124,9 +124,11 @@ def score_recording(
 
 
 def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_threshold: float) -> Report:
-    """The report of one slice; one without truth is only counted."""
+    """The report of one slice; one without truth, or without an event to answer from, is only counted."""
     if sample is None:
         return Report(counts={"slices without truth": 1})
+    if not estimate.has_events:
+        return Report(counts={"slices without events": 1})
     density = baselines.density_scores(sample, (*baselines.THRESHOLDS, density_threshold))
     rows = {MODEL: estimate_scores(estimate, sample), **baselines.trivial_scores(sample)}
     rows[baselines.DENSITY] = density[density_threshold]

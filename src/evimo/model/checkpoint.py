@@ -1,19 +1,19 @@
 """Weights in safetensors files that carry their configuration; never a pickle."""
 
 import json
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from evimo.errors import BadFile, NotFound
 from evimo.model.motion_net import MotionNet
 from evimo.model.presets import PRESETS, ModelConfig
 from evimo.model.weights import packaged
+from evimo.writing import new_file
 
 
 def load_model(name_or_path: str | Path, *, device: str = "cpu") -> MotionNet:
@@ -43,10 +43,14 @@ def save_model(model: MotionNet, path: Path, **facts: Any) -> None:
 
 
 def save_tensors(tensors: dict[str, Tensor], path: Path, **facts: Any) -> None:
-    """Write tensors and facts beside and rename, so that a file is whole as soon as it exists."""
-    partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
-    save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, partial, {"facts": json.dumps(facts)})
-    partial.replace(path)
+    """Write tensors and facts, whole or not at all.
+
+    Raises:
+        BadInput: it cannot be written, or the disk is full.
+    """
+    content = save({name: tensor.contiguous() for name, tensor in tensors.items()}, {"facts": json.dumps(facts)})
+    with new_file(path) as file:
+        file.write_bytes(content)
 
 
 def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:

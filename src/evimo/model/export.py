@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-import onnxruntime
 import torch
 from onnx import helper, numpy_helper
 from torch import Tensor, nn
@@ -19,6 +18,7 @@ from evimo.events.stack import FITS, VOXELS
 from evimo.model.motion_net import MotionNet
 from evimo.model.second_pass import compensation
 from evimo.model.weights import first_pass_beside
+from evimo.writing import new_file
 
 FIRST_INPUTS = ("voxels", "fits", "candidates", "valid", "intrinsics", "rotation")
 FIRST_OUTPUTS = ("rel_depth", "ego", "flow")
@@ -92,7 +92,7 @@ def export(model: MotionNet, path: Path) -> None:
 
 
 def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple[str, ...], ...], path: Path) -> None:
-    """Trace, fold, halve, check, write beside and rename."""
+    """Trace, fold, halve, check, write."""
     inputs, outputs = names
     free = {
         name: {2: f"{name} height", 3: f"{name} width"}
@@ -119,13 +119,15 @@ def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple
         entry = proto.metadata_props.add()
         entry.key, entry.value = key, json.dumps(value)
     onnx.checker.check_model(proto)
-    partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
-    onnx.save(proto, partial)
-    partial.replace(path)
+    with new_file(path) as file:
+        file.write_bytes(proto.SerializeToString())
 
 
 def folded(traced: Path) -> onnx.ModelProto:
     """The graph with constants folded and dead ends cut: half as many nodes, and quick to load."""
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # as streaming.inference
+    import onnxruntime
+
     options = onnxruntime.SessionOptions()
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
     options.log_severity_level = 3

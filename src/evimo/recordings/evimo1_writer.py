@@ -9,6 +9,7 @@ import json
 import shutil
 import zipfile
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -35,6 +36,7 @@ from evimo.recordings.stored import (
     without_maps,
 )
 from evimo.recordings.truth import Truth
+from evimo.writing import OutputFolder
 
 FORMAT = 1
 STEP_US = 10_000  # of the table `index`
@@ -71,27 +73,51 @@ class Evimo1Writer:
             )
         self.path, self.camera, self.poses, self.facts = path, camera, poses, facts or {}
         self.imu = imu
-        self.workplace = path.with_name(f".{path.name}.unfinished")
         self.truths: list[Truth] = []
         self.index = TimeIndex()
         self._labelled = False
 
     def __enter__(self) -> "Evimo1Writer":
-        shutil.rmtree(self.workplace, ignore_errors=True)
-        self.workplace.mkdir(parents=True)
-        self._files: dict[str, BinaryIO] = {name: (self.workplace / name).open("wb") for name in GROWING}
+        """Begin.
+
+        Raises:
+            BadInput: it cannot be written there.
+        """
+        with ExitStack() as opened:
+            self._outputs = opened.enter_context(OutputFolder(self.path.parent, names=self.path))
+            opened.callback(self._close_all)
+            self._files: dict[str, BinaryIO] = {}
+            for name in GROWING:
+                self._files[name] = self._outputs.path(name).open("wb")
+            opened.push(self._complete)
+            self._open = opened.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Complete the file, or leave nothing.
+
+        Raises:
+            BadInput: the disk is full, or cannot be written any more.
+        """
+        self._open.__exit__(kind, error, trace)
+
+    def _complete(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Pack everything and give it its name, unless there was an error."""
+        if error is None:
+            for file in self._files.values():
+                file.close()
+            self._pack()
+            self._outputs.keep(self.path.name)
+
+    def _close_all(self) -> None:
+        """Close what an error has left open; a full disk has been heard of."""
         for file in self._files.values():
-            file.close()
-        try:
-            if error is None:
-                self._pack().rename(self.path)
-        finally:
-            shutil.rmtree(self.workplace, ignore_errors=True)
+            with suppress(OSError):
+                file.close()
 
     def write(
         self,
@@ -119,9 +145,9 @@ class Evimo1Writer:
     def _append(self, name: str, values: NDArray[Any]) -> None:
         self._files[name].write(np.ascontiguousarray(values, np.dtype(GROWING[name])).tobytes())
 
-    def _pack(self) -> Path:
-        """The archive of everything, still in the workplace."""
-        target, maps = self.workplace / "packed.npz", (len(self.truths), *self.camera.size)
+    def _pack(self) -> None:
+        """Make the archive of everything, without its name yet."""
+        target, maps = self._outputs.path(self.path.name), (len(self.truths), *self.camera.size)
         motions = exact_motions(self.truths)
         frames, trajectory = tracks(self.poses, motions["times_us"])
         exact = motions | exact_poses(frames, trajectory)
@@ -136,20 +162,19 @@ class Evimo1Writer:
             characters = self._write_text("meta", self._meta(frames, trajectory))
             self._move_in(archive, "meta", (), kind=f"<U{characters}")
             save_arrays(archive, {f"sim_{name}": values for name, values in exact.items()})
-        return target
 
     def _write_text(self, name: str, pieces: Iterator[str]) -> int:
-        """A file of the workplace as NumPy stores text, four bytes a character; how many characters."""
+        """A file beside the target as NumPy stores text, four bytes a character; how many characters."""
         characters = 0
-        with (self.workplace / name).open("wb") as file:
+        with self._outputs.path(name).open("wb") as file:
             for piece in pieces:
                 characters += len(piece)
                 file.write(piece.encode("utf-32-le"))
         return characters
 
     def _move_in(self, archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], *, kind: str | None = None) -> None:
-        """A file of the workplace as an array of the archive."""
-        path, info = self.workplace / name, member(name)
+        """A file beside the target as an array of the archive."""
+        path, info = self._outputs.path(name), member(name)
         info.file_size = path.stat().st_size  # tells whether the member needs 64-bit sizes
         header = {"descr": kind or GROWING[name], "fortran_order": False, "shape": shape}
         with path.open("rb") as source, archive.open(info, "w") as target:

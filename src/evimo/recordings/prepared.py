@@ -1,8 +1,6 @@
 """Recordings with truth brought into the rectified image, once, as memory-mapped arrays that training reads."""
 
 import json
-import os
-import shutil
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +16,10 @@ from evimo.geometry.rectification import Rectification, rectified
 from evimo.recordings.flow import true_flow
 from evimo.recordings.recording import Recording, open_recording
 from evimo.recordings.truth import Truth
+from evimo.writing import new_folder, remove_leftovers, shown
 
 FORMAT = 1
+ROOM = "more room, or a copy of the recordings on a disk that can be written: each is prepared once, in its folder"
 SUBPIXEL = 64  # steps per px of stored event positions
 NAMES = ("valid", "depth", "ids", "moving", "clutter", "flow", "velocity", "ego")
 EVENT_NAMES = ("event_xy", "event_t", "event_on", "event_first")
@@ -61,14 +61,14 @@ class Prepared:
 
 
 def recording_folders(paths: list[Path]) -> list[Path]:
-    """The recordings with truth in or below each path, sorted by name.
+    """The recordings with truth in or below each path, sorted by name; what is hidden there is unfinished.
 
     Raises:
         NotFound: a path holds none.
     """
     found: list[Path] = []
     for path in paths:
-        inside = sorted(info.parent for info in path.glob("**/dataset_sim.npz") if ".partial" not in str(info))
+        inside = sorted(info.parent for info in shown(path.glob("**/dataset_sim.npz"), below=path))
         if not inside:
             raise NotFound(f"no recording with truth in {path}", fix="make some with `evimo simulate --out DIR`")
         found += inside
@@ -79,27 +79,28 @@ def prepare(folder: Path) -> Path:
     """Write the arrays of `Prepared` into the recording's own folder, if they are not there yet; returns where.
 
     Raises:
-        BadFile: the recording is damaged, or has no truth.
+        BadFile: the recording is damaged, or has no truth. BadInput: its folder cannot be written, or the disk is full.
     """
     target = folder / f"prepared_v{FORMAT}"
+    remove_leftovers(folder)
     if target.exists():
         return target
-    partial = folder / f".partial-{os.getpid()}"
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir()
-    try:
-        recording = open_recording(folder)
-        if not len(recording):
-            raise BadFile(f"{folder} has no slice with truth", fix="simulate at least 0.025 s")
+    recording = open_recording(folder)
+    if not len(recording):
+        raise BadFile(f"{folder} has no slice with truth", fix="simulate at least 0.025 s")
+    with new_folder(target, fix=ROOM) as unfinished:
         arrays, intrinsics = _arrays(recording.camera, _stored_slices(recording))
         for name, values in arrays.items():
-            np.save(partial / f"{name}.npy", values)
-        (partial / "camera.json").write_text(json.dumps({"intrinsics": intrinsics}))
-        if not target.exists():  # another process may have been faster
-            partial.rename(target)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+            _save_array(values, unfinished / f"{name}.npy")
+        (unfinished / "camera.json").write_text(json.dumps({"intrinsics": intrinsics}))
     return target
+
+
+def _save_array(values: NDArray[Any], path: Path) -> None:
+    """As `np.save`, whose error does not say that the disk is full."""
+    with path.open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, np.lib.format.header_data_from_array_1_0(values))
+        file.write(np.ascontiguousarray(values).data)
 
 
 def open_prepared(folder: Path) -> Prepared:
@@ -149,15 +150,14 @@ def _arrays(camera: Camera, slices: Iterable[tuple[Slice, Truth]]) -> tuple[dict
 
 def _truth_row(truth: Truth, grid: NDArray[np.float64], rectification: Rectification) -> dict[str, NDArray[Any]]:
     """One slice's truth in the rectified image."""
-    velocity, moves = np.zeros((256, 3), np.float32), np.zeros(256, np.bool_)
-    for number, motion in truth.objects.items():
-        moves[number] = motion.moves
-        velocity[number] = motion.velocity * moves[number]
+    velocity = np.zeros((256, 3), np.float32)
+    for number in truth.movers:
+        velocity[number] = truth.objects[number].velocity
     flow = np.clip(true_flow(truth, grid), -1e4, 1e4)
     return {
         "depth": rectification.from_sensor(np.where(truth.valid, truth.depth, 0)).astype(np.float16),
         "ids": rectification.from_sensor(truth.ids),
-        "moving": rectification.from_sensor(moves[truth.ids]),
+        "moving": rectification.from_sensor(truth.of_movers(truth.ids)),
         "clutter": rectification.from_sensor(truth.clutter),
         "flow": rectification.from_sensor(flow).astype(np.float16),
         "velocity": velocity,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-MOVING_MPS, MOVING_RADPS = 0.03, math.radians(10)  # what is slower rests, and counts as background
+MOVING_MPS, MOVING_DEGPS = 0.03, 10  # what is slower rests, and counts as background, everywhere in this package
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class ObjectTruth:
     def moves(self) -> bool:
         """Whether it moves now, faster than 3 cm/s or 10 degrees/s relative to the static world; else it rests."""
         speed, turning = float(np.linalg.norm(self.velocity)), float(np.linalg.norm(self.rotation))
-        return speed > MOVING_MPS or turning > MOVING_RADPS
+        return speed > MOVING_MPS or turning > math.radians(MOVING_DEGPS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,3 +48,12 @@ class Truth:
     clutter: NDArray[np.bool_]
     ego: NDArray[np.float64]
     objects: dict[int, ObjectTruth]
+
+    @property
+    def movers(self) -> list[int]:
+        """The ids of what moves now."""
+        return [key for key, body in self.objects.items() if body.moves]
+
+    def of_movers(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Which of some ids, of pixels or of events, are of an object that moves now."""
+        return np.isin(ids, self.movers)

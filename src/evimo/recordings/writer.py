@@ -4,8 +4,8 @@ In memory stays only how things move: poses at 200 Hz.
 """
 
 import json
-import shutil
 import zipfile
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -30,6 +30,7 @@ from evimo.recordings.stored import (
     without_maps,
 )
 from evimo.recordings.truth import Truth
+from evimo.writing import new_folder
 
 ARRAYS = {"t": ("<f8", 1), "xy": ("<u2", 2), "p": ("|u1", 1)}
 IDS = "id"  # of what each event's pixel saw; where the writer is told
@@ -62,32 +63,57 @@ class RecordingWriter:
             raise BadInput(f"{folder} exists", fix="another name, or remove it")
         self.folder, self.camera, self.facts = folder, camera, facts or {}
         self.poses, self.imu = poses, imu
-        self.unfinished = folder.with_name(f".{folder.name}.unfinished")
         self.truths: list[Truth] = []
         self.events = 0
 
     def __enter__(self) -> "RecordingWriter":
-        shutil.rmtree(self.unfinished, ignore_errors=True)
-        self.unfinished.mkdir(parents=True)
-        self._arrays = {name: self._begun(name) for name in ARRAYS}
-        self._maps = {name: zipfile.ZipFile(self._file(f"{name}.npz"), "w", zipfile.ZIP_DEFLATED) for name in MAPS}
+        """Begin.
+
+        Raises:
+            BadInput: it cannot be written there.
+        """
+        with ExitStack() as opened:
+            self._unfinished = opened.enter_context(new_folder(self.folder))
+            opened.callback(self._close_all)
+            self._arrays: dict[str, BinaryIO] = {}
+            self._maps: dict[str, zipfile.ZipFile] = {}
+            for name in ARRAYS:
+                self._arrays[name] = self._begun(name)
+            for name in MAPS:
+                self._maps[name] = zipfile.ZipFile(self._file(f"{name}.npz"), "w", zipfile.ZIP_DEFLATED)
+            opened.push(self._complete)
+            self._open = opened.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            for name, file in self._arrays.items():
-                file.seek(0)
-                _write_header(file, name, self.events)
+        """Complete the folder, or leave nothing.
+
+        Raises:
+            BadInput: the disk is full, or cannot be written any more.
+        """
+        self._open.__exit__(kind, error, trace)
+
+    def _complete(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Finish every file, unless there was an error."""
+        if error is not None:
+            return
+        for name, file in self._arrays.items():
+            file.seek(0)
+            _write_header(file, name, self.events)
+            file.close()
+        for archive in self._maps.values():
+            archive.close()
+        self._write_facts()
+
+    def _close_all(self) -> None:
+        """Close what an error has left open; a full disk has been heard of."""
+        for file in (*self._arrays.values(), *self._maps.values()):
+            with suppress(OSError):
                 file.close()
-            for archive in self._maps.values():
-                archive.close()
-            if error is None:
-                self._write_facts()
-                self.unfinished.rename(self.folder)
-        finally:
-            shutil.rmtree(self.unfinished, ignore_errors=True)
 
     def write(
         self,
@@ -119,7 +145,7 @@ class RecordingWriter:
         return file
 
     def _file(self, name: str) -> Path:
-        return self.unfinished / f"dataset_{name}"
+        return self._unfinished / f"dataset_{name}"
 
     def _write_facts(self) -> None:
         sim = exact_motions(self.truths)

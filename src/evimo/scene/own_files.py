@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from evimo.errors import BadFile, BadInput, EvimoWarning, NotFound
+from evimo.writing import shown
 
 OUT = "another copy of it, or take it out of the folder"
 
@@ -67,8 +68,7 @@ def own_files(
         )
     except OSError as error:
         raise BadInput(f"{folder} cannot be read: {error.strerror}", fix=f"a folder with {what} ({kinds})") from error
-    hidden = {file for file in found if any(part.startswith(".") for part in file.relative_to(folder).parts)}
-    files = [file for file in found if file not in hidden and not passed(file)]
+    files = [file for file in shown(found, below=folder) if not passed(file)]
     taken = tuple(file for file in files if file.suffix.lower() in suffixes)
     if not taken:
         raise NotFound(f"there are no {what} in {folder}", fix=f"a folder with files of {kinds}")

@@ -58,7 +58,9 @@ class Fits:
         self._image = rectification.image
         self._stopwatch = stopwatch
 
-    def answers(self, stacks: Generator[Stacked], span: Span, rotation: Rotation) -> Generator[tuple[Stacked, Answer]]:
+    def answers(
+        self, stacks: Generator[Stacked], span: Span, rotation: Rotation
+    ) -> Generator[tuple[Stacked, Answer | None]]:
         """Each slice of the span, and a neighbour to each side, with the method's answer; rotation has no use here."""
         return in_parallel(self._answered, _near(stacks, span), workers=self._workers)
 
@@ -66,7 +68,9 @@ class Fits:
         """What is known of the camera's rotation: nothing is taken from gyroscopes."""
         return Rotation(None, "not used: the classical method sees the events alone")
 
-    def _answered(self, stacked: Stacked) -> tuple[Stacked, Answer]:
+    def _answered(self, stacked: Stacked) -> tuple[Stacked, Answer | None]:
+        if not len(stacked.part.events):
+            return stacked, None
         stack, image = stacked.stack, self._image
         with self._stopwatch.stage("four parameters"):
             near = np.abs(stack.t) <= self._parameters.window

@@ -9,12 +9,12 @@ from evimo.events.slices import SLICE_US
 from evimo.recordings.estimate import Estimate
 from evimo.streaming.estimates_file import EstimatesFile
 from evimo.streaming.events_file import EventsFile
-from evimo.streaming.output_folder import OutputFolder
 from evimo.streaming.pipeline import Run
 from evimo.streaming.tables import Tables
 from evimo.streaming.threads import Background
 from evimo.viewing.panels import Panels
 from evimo.viewing.video import VideoWriter
+from evimo.writing import OutputFolder
 
 Output = TypeVar("Output", Tables, EstimatesFile, EventsFile, "Video")
 
@@ -41,6 +41,15 @@ class Outputs:
         network = run.network
         about = {"recording": run.events.path.name, "model": network.name}
         about |= {f"model_{key}": value for key, value in network.identity.items()}
+        try:
+            self._open_wanted(folder, run, about=about, dense=dense, video_speed=video_speed)
+        except BaseException:
+            self.close()
+            raise
+
+    def _open_wanted(
+        self, folder: OutputFolder, run: Run, *, about: dict[str, str], dense: bool, video_speed: float | None
+    ) -> None:
         if dense:
             path, valid = folder.path("estimates.h5"), run.rectification.valid
             maps = EstimatesFile(path, valid, attributes=about, watch=run.stopwatch)

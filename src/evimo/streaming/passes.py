@@ -37,10 +37,10 @@ class Stacked(NamedTuple):
 
 
 class Looked(NamedTuple):
-    """A stack, and what the first pass says of its middle slice."""
+    """A stack, and what the first pass says of its middle slice; None where that has no events."""
 
     stacked: Stacked
-    motion: CameraMotion
+    motion: CameraMotion | None
 
 
 class TwoPasses:
@@ -51,8 +51,10 @@ class TwoPasses:
         self._looks = Looks(rectification, stride=network.stride)
         self._stopwatch = stopwatch
 
-    def answers(self, stacks: Generator[Stacked], span: Span, rotation: Rotation) -> Generator[tuple[Stacked, Answer]]:
-        """Each slice of the span, and a neighbour to each side, with what the networks say of it."""
+    def answers(
+        self, stacks: Generator[Stacked], span: Span, rotation: Rotation
+    ) -> Generator[tuple[Stacked, Answer | None]]:
+        """Each slice of the span, and a neighbour to each side, with what the networks say of it if it has events."""
         workers = self._network.workers
         firsts = in_parallel(partial(self._first_of, rotation), stacks, workers=workers)
         return in_parallel(partial(self._second_of, rotation), _looked(firsts, span), workers=workers)
@@ -65,13 +67,16 @@ class TwoPasses:
         """Centres of the first slices, and the rotation that the first pass sees in them, rad/s."""
         with closing(stacks()) as some:
             looked = [self._first(each, UNKNOWN) for each in islice(some, ALIGNED_OVER)]
-        rates = [each.motion.ego[3:] / SLICE_S for each in looked]
-        return [each.stacked.part.centre_us for each in looked], np.array(rates, np.float64).reshape(-1, 3)
+        seen = [(each.stacked.part.centre_us, each.motion.ego[3:] / SLICE_S) for each in looked if each.motion]
+        rates = [rate for _, rate in seen]
+        return [centre_us for centre_us, _ in seen], np.array(rates, np.float64).reshape(-1, 3)
 
     def _first_of(self, rotation: Rotation, stacked: Stacked) -> Looked:
         return self._first(stacked, rotation.of_slice(stacked.part.start_us, stacked.part.stop_us))
 
     def _first(self, stacked: Stacked, rotation: NDArray[np.float32]) -> Looked:
+        if not len(stacked.part.events):
+            return Looked(stacked, None)
         with self._stopwatch.stage("first look"):
             seen = self._looks.first(stacked.stack, rotation)
         with self._stopwatch.stage("local motion"):
@@ -79,12 +84,14 @@ class TwoPasses:
         with self._stopwatch.stage("first pass"):
             return Looked(stacked, self._network.first(seen, candidates))
 
-    def _second_of(self, rotation: Rotation, row: tuple[Looked, ...]) -> tuple[Stacked, Answer]:
+    def _second_of(self, rotation: Rotation, row: tuple[Looked, ...]) -> tuple[Stacked, Answer | None]:
         middle = row[STACKED // 2]
         part = middle.stacked.part
+        if middle.motion is None:
+            return middle.stacked, None
         known = rotation.of_slice(part.start_us, part.stop_us)
         with self._stopwatch.stage("alignment"):
-            first = self._looks.static_motion([each.motion for each in row])
+            first = self._looks.static_motion([each.motion for each in row if each.motion])
             motion = aligned(middle.stacked.stack, first, known_rotation=known[3] > 0)
         with self._stopwatch.stage("second look"):
             seen = self._looks.second(middle.stacked.stack, motion, known)
@@ -103,6 +110,6 @@ def _looked(firsts: Generator[Looked], span: Span) -> Generator[tuple[Looked, ..
 
 
 def _nearest(row: tuple[Looked | None, ...], number: int, middle: Looked) -> Looked:
-    """The one at that place, or the nearest to it towards the middle."""
+    """The one at that place, or the nearest to it towards the middle, of those with events."""
     towards = range(number, STACKED // 2, 1 if number < STACKED // 2 else -1)
-    return next((each for k in towards if (each := row[k]) is not None), middle)
+    return next((each for k in towards if (each := row[k]) is not None and each.motion), middle)

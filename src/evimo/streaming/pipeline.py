@@ -28,6 +28,7 @@ from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
 from evimo.streaming.agreement import Agreement
 from evimo.streaming.event_labels import EventLabeller
+from evimo.streaming.inference import Answer
 from evimo.streaming.looks import Placed, stacked
 from evimo.streaming.models import Model, model_of, passes_of
 from evimo.streaming.objects import ObjectFinder
@@ -73,11 +74,13 @@ def run(
             slice; `imu` is neither.
     """
     recording = _recording(events, sensor, camera if isinstance(camera, Camera) else None)
+    if isinstance(camera, str | Path):
+        camera = load_camera(camera, size=recording.sensor, topic=recording.topic)
     return _estimates(
         Run(
             recording,
             model_of(model),
-            camera=load_camera(camera, size=recording.sensor) if isinstance(camera, str | Path) else camera,
+            camera=camera,
             start_s=start_s,
             stop_s=stop_s,
             event_labels=event_labels,
@@ -172,12 +175,16 @@ class Run:
                 middle = row[AGREEING // 2]
                 if middle is None or not self.span.first <= middle[0].part.index < self.span.last:
                     continue
-                part = middle[0].part
-                with self.stopwatch.stage("agreement"):
-                    answer = self._agreement.of([each and each[1] for each in row])
-                with self.stopwatch.stage("objects"):
-                    estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
-                yield estimate, middle[0]
+                yield self._estimate(middle[0].part, [each and each[1] for each in row]), middle[0]
+
+    def _estimate(self, part: Slice, row: list[Answer | None]) -> Estimate:
+        """The estimate of a slice from the answers around it; None is of a slice without events, or beyond the ends."""
+        if row[AGREEING // 2] is None:
+            return self.finder.nothing(start_us=part.start_us, stop_us=part.stop_us)
+        with self.stopwatch.stage("agreement"):
+            answer = self._agreement.of(row)
+        with self.stopwatch.stage("objects"):
+            return self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
 
     def _labelled(self, labeller: EventLabeller, found: tuple[Estimate, Stacked]) -> tuple[Estimate, Stacked]:
         estimate, stacked = found

@@ -1,20 +1,21 @@
 """A whole run saved: every output complete, or none."""
 
-import errno
 import json
 import time
 import warnings
-from collections.abc import Generator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from evimo.errors import BadInput, EvimoWarning
-from evimo.streaming.output_folder import OutputFolder
+from evimo.errors import EvimoWarning
 from evimo.streaming.outputs import OPTIONAL, Outputs
 from evimo.streaming.pipeline import Run
 from evimo.streaming.summary import Course, summary
+from evimo.writing import OutputFolder
+
+FIX = "another --out folder, more room on the disk, or fewer outputs: --no-dense, --no-video, no --event-labels"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +69,7 @@ def save_run(
         BadFile: the recording turns out to be broken.
     """
     control = control or Control()
-    with OutputFolder(out) as folder:
+    with OutputFolder(out, fix=FIX) as folder:
         course = _write_all(run, folder, wanted, control)
         if not course.slices:
             return None
@@ -79,23 +80,11 @@ def save_run(
         return Saved(content, folder.keep())
 
 
-@contextmanager
-def _space_on(folder: OutputFolder) -> Generator[None]:
-    """Turn a full disk into our error."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno != errno.ENOSPC:
-            raise
-        fix = "another --out folder, or fewer outputs: --no-dense, --no-video, no --event-labels"
-        raise BadInput(f"no space left for {folder.folder}", fix=fix) from error
-
-
 def _write_all(run: Run, folder: OutputFolder, wanted: Wanted, control: Control) -> Course:
     started_s = first_s = time.perf_counter()
     count = 0
     outputs = Outputs(folder, run, dense=wanted.dense, video_speed=wanted.video_speed)
-    with _space_on(folder), closing(outputs), closing(run.slices()) as slices:
+    with closing(outputs), closing(run.slices()) as slices:
         for estimate, events in slices:
             if control.stopped:
                 break

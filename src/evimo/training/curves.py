@@ -1,5 +1,6 @@
 """What a run shows of itself: learning curves and a few pictures, as CSV files and in TensorBoard."""
 
+import threading
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from evimo.model.motion_net import MotionNet
 from evimo.recordings.prepared import Prepared
 from evimo.training.logs import Log, log_rows
 from evimo.training.validation import middle_events, slice_answered, validated
+from evimo.writing import explained
 
 PICTURES = 4  # recordings that are shown, in the middle
 SLICES_SCORED = 5  # one slice in so many
@@ -57,10 +59,31 @@ def picture(model: MotionNet, recording: Prepared) -> NDArray[np.uint8]:
 
 @contextmanager
 def open_curves(out: Path, recordings: Sequence[Prepared], *, step: int) -> Generator[Curves]:
-    """The curves of the run in a folder, which go on after a step."""
-    writer = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
+    """The curves of the run in a folder, which go on after a step.
+
+    Raises:
+        BadInput: they cannot be written, or the disk is full.
+    """
+    with explained(out / "tensorboard"), _said_once():
+        writer = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
+        try:
+            with log_rows(out / "log.csv", step) as losses, log_rows(out / "validation.csv", step) as scores:
+                yield Curves(recordings, writer, losses, scores)
+        finally:
+            writer.close()
+
+
+@contextmanager
+def _said_once() -> Generator[None]:
+    """Keep TensorBoard's thread from printing why it could not write, as its writer raises the same."""
+    usual = threading.excepthook
+
+    def told(failure: threading.ExceptHookArgs, /) -> None:
+        if not isinstance(failure.exc_value, OSError):
+            usual(failure)
+
+    threading.excepthook = told
     try:
-        with log_rows(out / "log.csv", step) as losses, log_rows(out / "validation.csv", step) as scores:
-            yield Curves(recordings, writer, losses, scores)
+        yield
     finally:
-        writer.close()
+        threading.excepthook = usual

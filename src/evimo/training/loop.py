@@ -22,6 +22,7 @@ from evimo.training.devices import ALONE, Team
 from evimo.training.learner import Learner
 from evimo.training.recipes import RECIPES
 from evimo.training.sources import Choices, Source
+from evimo.writing import make_folder
 
 MODEL, STATE = "model.safetensors", "state.safetensors"
 
@@ -49,7 +50,7 @@ class Trainer:
 
     def run(self, report: Callable[[int, dict[str, float]], None]) -> None:
         """Train up to the last step; `report` gets the step and the loss terms of its batch."""
-        self.out.mkdir(parents=True, exist_ok=True)
+        make_folder(self.out)
         try:
             with self._batches() as following:
                 while self.step < self.config.steps:

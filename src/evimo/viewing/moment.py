@@ -9,9 +9,6 @@ from evimo.events.slices import Slice
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.truth import Truth
 
-AT_REST = 1e-3
-"""An object slower than this, in m/s and in rad/s, rests."""
-
 
 @dataclass(frozen=True, slots=True)
 class Mark:
@@ -50,7 +47,7 @@ def estimated(estimate: Estimate) -> Moment:
         Mark(one.id, one.box, one.centroid, np.nan_to_num(np.asarray(one.rel_velocity, np.float64)))
         for one in estimate.objects
     )
-    headline = f"{len(marks)} moving object{'' if len(marks) == 1 else 's'}"
+    headline = f"{len(marks)} moving object{'' if len(marks) == 1 else 's'}" if estimate.has_events else "no events"
     ego = np.nan_to_num(estimate.ego)
     return Moment(estimate.t_us, estimate.start_us, estimate.stop_us, ego, marks, headline)
 
@@ -60,10 +57,7 @@ def true(truth: Truth, part: Slice) -> Moment:
     marks = tuple(
         _seen(id_, truth.ids == id_, moved.velocity) for id_, moved in truth.objects.items() if (truth.ids == id_).any()
     )
-    resting = sum(
-        max(np.linalg.norm(truth.objects[mark.id].velocity), np.linalg.norm(truth.objects[mark.id].rotation)) < AT_REST
-        for mark in marks
-    )
+    resting = sum(not truth.objects[mark.id].moves for mark in marks)
     headline = f"{len(marks)} object{'' if len(marks) == 1 else 's'} in view"
     headline += f", {resting} at rest" if resting else ""
     return Moment(truth.t_us, part.start_us, part.stop_us, truth.ego, marks, headline)

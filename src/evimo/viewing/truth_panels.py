@@ -138,7 +138,7 @@ def paint_truth(
             case "events":
                 painter.events(panel, levels)
             case "objects":
-                painter.mask(panel, levels, ids=truth.ids, moving=truth.ids > 0, valid=valid)
+                painter.mask(panel, levels, ids=truth.ids, moving=truth.of_movers(truth.ids), valid=valid)
                 painter.static(panel, truth.clutter)
                 painter.outlines(panel, truth.ids, marks)
                 if "velocity" in panels:

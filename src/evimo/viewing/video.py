@@ -1,7 +1,7 @@
 """H.264 video files."""
 
-import os
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +15,7 @@ from av.video.stream import VideoStream
 
 from evimo.errors import BadInput
 from evimo.viewing.colours import Image
+from evimo.writing import new_file
 
 _BT709, _BT601, _LIMITED = 1, 6, 1
 """Primaries and transfer of sRGB, the matrix of OpenCV's conversion, and its range, as H.264 numbers them."""
@@ -100,63 +101,17 @@ class VideoWriter:
         return container, stream
 
 
-class WholeVideo:
-    """A video that appears under its name when it is complete, and else not at all.
+@contextmanager
+def whole_video(path: str | Path, *, fps: float) -> Generator[VideoWriter]:
+    """A video that appears under its name when the `with` ends without an error, and else not at all.
 
-    Used as a context: leaving it without `keep` leaves what was there before.
-
-    Args:
-        path, fps: as for `VideoWriter`.
+    At least one image must be written. path, fps: as for `VideoWriter`.
 
     Raises:
-        BadInput: as `VideoWriter`; or the file cannot be written (on entering), or its disk is full.
+        BadInput: as `VideoWriter`; or the file cannot be written, or the disk is full.
     """
-
-    def __init__(self, path: str | Path, *, fps: float) -> None:
-        self.path = _video_path(path)
-        self._unfinished = self.path.with_name(f".{self.path.stem}.{os.getpid()}.unfinished{self.path.suffix}")
-        self._writer = VideoWriter(self._unfinished, fps=fps)
-        self._made = [folder for folder in self.path.parents if not folder.exists()]
-        if self.path.is_dir():
-            raise BadInput(f"{self.path} is a folder", fix="the name of a file that ends with .mp4")
-
-    def write(self, image: Image) -> None:
-        """Append one image; see `VideoWriter.write`."""
-        try:
-            self._writer.write(image)
-        except OSError as error:
-            raise self._unwritable(error) from error
-
-    def keep(self) -> None:
-        """Complete the file and give it its name; at least one image was written."""
-        try:
-            self._writer.close()
-            os.replace(self._unfinished, self.path)
-        except OSError as error:
-            raise self._unwritable(error) from error
-
-    def __enter__(self) -> Self:
-        try:  # now rather than after a long way to the first image
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._unfinished.touch()
-        except OSError as error:
-            raise self._unwritable(error) from error
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        with suppress(OSError):  # a full disk, of which the user has heard
-            self._writer.close()
-        self._unfinished.unlink(missing_ok=True)
-        for folder in self._made:
-            with suppress(OSError):  # not empty
-                folder.rmdir()
-
-    def _unwritable(self, error: OSError) -> BadInput:
-        return BadInput(
-            f"cannot write {self.path}: {error.strerror}", fix="another --out file, or more room on the disk"
-        )
+    with new_file(_video_path(path)) as unfinished, VideoWriter(unfinished, fps=fps) as video:
+        yield video
 
 
 def _video_path(path: str | Path) -> Path:

@@ -1,0 +1,107 @@
+"""A model scored on recordings that know the truth, beside the trivial answers."""
+
+import hashlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from evimo.errors import BadFile, BadInput
+from evimo.evaluation.baselines import DENSITY_THRESHOLD
+from evimo.evaluation.kinds import groups_of
+from evimo.evaluation.report import Report, load_report
+from evimo.evaluation.scoring import score_recording
+from evimo.recordings.estimate import Estimate
+from evimo.recordings.facts import own_version
+from evimo.recordings.finding import recordings_in
+from evimo.recordings.recording import Recording, open_recording
+from evimo.streaming.models import model_of
+from evimo.streaming.pipeline import run
+
+Tick = Callable[[], None]
+
+
+def unseen(total: int) -> AbstractContextManager[Tick]:
+    """Show no progress."""
+    return nullcontext(lambda: None)
+
+
+def evaluate(
+    recordings: str | Path | Sequence[str | Path],
+    *,
+    model: str | Path = "small",
+    out: str | Path | None = None,
+    imu: Literal["auto", "off"] = "off",
+    density_threshold: float = DENSITY_THRESHOLD,
+    progress: Callable[[int], AbstractContextManager[Tick]] = unseen,
+) -> Report:
+    """Score a model on recordings that know the truth, beside the trivial answers.
+
+    Args:
+        recordings: made by `evimo simulate`, folders or .npz files, or folders that hold them; one or several.
+        model: a preset, or the path of an ONNX file.
+        out: where each recording's own report is kept, and not made again with the same model and settings.
+        imu: off scores events alone; auto takes the camera's rotation from the recordings' gyroscopes.
+        density_threshold: times the mean event density, for that baseline; tuned on other recordings.
+        progress: takes the number of slices; inside the context that it gives, what that holds is called after each.
+
+    Returns:
+        `rows` by name, "model" first, each a mapping from a column to a score with `value`; `groups` by kind of scene.
+
+    Raises:
+        NotFound, BadFile: recordings, or the model. BadInput: `imu` is neither.
+    """
+    if imu not in ("auto", "off"):
+        raise BadInput(f"no way {imu!r} to use an IMU", fix="auto or off")
+    paths = [recordings] if isinstance(recordings, str | Path) else recordings
+    opened = [open_recording(path) for path in recordings_in(Path(path) for path in paths)]
+    settings: dict[str, str | float] = {
+        "model": str(model),
+        **{f"model {key}": value for key, value in model_of(model).identity.items()},
+        "density threshold": density_threshold,
+        "imu": imu,
+        "evimo": own_version(),
+    }
+    kept = [_kept_at(Path(out), recording) if out else None for recording in opened]
+    reports = [_scored_before(path, settings) for path in kept]
+    total = Report()
+    with progress(sum(len(each) for each, report in zip(opened, reports, strict=True) if report is None)) as tick:
+        for recording, path, report in zip(opened, kept, reports, strict=True):
+            if report is None:
+                estimates = run(recording.events, model=model, camera=recording.camera, imu=imu)
+                scored = score_recording(
+                    recording,
+                    _ticked(estimates, tick),
+                    density_threshold=density_threshold,
+                    groups=groups_of(recording.meta),
+                )
+                report = replace(scored, settings=settings)
+                if path is not None:
+                    report.save(path)
+            total = total + report
+    return replace(total, title="simulated recordings", settings=settings)
+
+
+def _kept_at(out: Path, recording: Recording) -> Path:
+    """Where the recording's own report is kept; the mark tells apart folders of the same name in different places."""
+    mark = hashlib.sha256(str(recording.path.resolve()).encode()).hexdigest()[:8]
+    return out / "recordings" / f"{recording.path.name}-{mark}.json"
+
+
+def _ticked(estimates: Iterable[Estimate], tick: Tick) -> Iterator[Estimate]:
+    """The same estimates; `tick` is called after each was used."""
+    for estimate in estimates:
+        yield estimate
+        tick()
+
+
+def _scored_before(path: Path | None, settings: dict[str, str | float]) -> Report | None:
+    """The report kept at that path, if it was made with the same model and settings."""
+    if path is None or not path.is_file():
+        return None
+    try:
+        report = load_report(path)
+    except BadFile:  # cut short, or of an older format: score again
+        return None
+    return report if report.settings == settings else None
