@@ -25,7 +25,7 @@ def evaluate(
 
     Args:
         paths: recordings, folders or .npz files, or folders that hold them.
-        model: a preset, or the path of an ONNX file.
+        model: a preset, or the path of an ONNX file, or `classical`, the training-free method.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
         imu: off scores events alone; auto takes the camera's rotation from the recordings' gyroscopes.
