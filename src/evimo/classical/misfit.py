@@ -10,12 +10,12 @@ noise as well. It counts together with how crowded the events are, the strongest
 from typing import NamedTuple
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.classical.sharpness import ARM
 from evimo.classical.world import Scene
+from evimo.compiling import njit
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -50,7 +50,7 @@ def misfit(scene: Scene, motion: F8) -> Misfit:
     return Misfit(score, crowd)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _score(crowd, ordered, spread, means, score):
     mean, square = means
     offset = np.float32(PER_CROWD) * np.log(mean)
@@ -63,7 +63,7 @@ def _score(crowd, ordered, spread, means, score):
             score[row, k] = np.log(alike) + np.float32(CROWD_POWER) * np.log(crowded) - offset
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _time_images(x, y, t, motion, centre, images):
     """Sum 1, t and t² of the events where they were at the slice's centre, shared between four pixels."""
     _, height, width = images.shape
