@@ -288,3 +288,10 @@ def test_a_pixel_that_is_no_number_is_no_traceback(tmp_path, pixel):
     (tmp_path / "a.txt").write_text("t x y p\n" + "\n".join(rows) + "\n")
     events = open_events(tmp_path / "a.txt", sensor=(48, 64))
     assert sum(map(len, events)) == 39
+
+
+def test_a_time_beyond_all_exponents_costs_its_line(tmp_path):
+    """Found by fuzzing: Python's decimals overflow."""
+    rows = [f"{1000 * k} 3 4 {k % 2}" for k in range(40)] + ["1e999999999999999999 3 4 1"]
+    (tmp_path / "a.txt").write_text("\n".join(rows) + "\n")
+    assert sum(map(len, open_events(tmp_path / "a.txt", sensor=(48, 64)))) == 40

@@ -79,7 +79,7 @@ def head(path: Path) -> Head:
         length = struct.unpack_from("<I", raw, text)[0]
         streams = _streams(raw[text + 4 : text + 4 + length].decode())
         return Head(compression, _value(raw, 0, 1, "<q"), streams, FIRST_LINE_BYTES + 4 + size)
-    except (struct.error, ElementTree.ParseError, ValueError) as error:
+    except (struct.error, ElementTree.ParseError, ValueError, KeyError) as error:
         raise BadFile(f"{path.name}: its head is cut short or damaged", fix="copy or record it again") from error
 
 

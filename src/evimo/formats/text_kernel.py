@@ -76,7 +76,8 @@ def scaled(value, exponent):
         return value, True
     if exponent > 0:
         power = POWERS[min(exponent, 18)]
-        return (value * power, True) if abs(value) <= MOST_US // power else (NO_TIME, value == 0)
+        too_large = abs(value) > MOST_US // power or (exponent > 18 and value != 0)
+        return (NO_TIME, False) if too_large else (value * power, True)
     if exponent < -18:
         return np.int64(0), value == 0
     unit = POWERS[-exponent]

@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass, replace
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, InvalidOperation, Overflow
 from pathlib import Path
 
 import numpy as np
@@ -178,7 +178,7 @@ def _step(written: list[str]) -> int | None:
     for time in written:
         try:
             _, digits, exponent = Decimal(time).normalize().as_tuple()
-        except InvalidOperation:
+        except (InvalidOperation, Overflow):
             continue
         if digits != (0,) and isinstance(exponent, int):
             powers.append(exponent)
