@@ -9,7 +9,6 @@ from evimo.evaluation.protocols import DENSE, EVENTS, MOVERS, NEW, SLICE, Protoc
 from evimo.evaluation.strata import AREAS, FAMILIARITY, RESIDUALS
 from evimo.recordings.truth import MOVING_DEGPS, MOVING_MPS
 
-
 OF_ALL: tuple[Column, ...] = (
     Column("iou", "IoU", "higher", "dense, mean over frames in which something moves in sight"),
     Column("iou_30px", "IoU ≥30px", "higher", "the same over frames with at least 30 moving pixels"),
@@ -151,10 +150,10 @@ CONVENTIONS: tuple[str, ...] = (
     f" {NEAREST_M} m. One camera cannot tell more from motion alone in one instant.",
     "Object velocity is averaged over the true mask, zero where nothing is predicted, then brought to the true speed;"
     " objects of which nothing is predicted count with their true speed, and are left out of `obj AEE, found`.",
-    "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames. The row"
-    f" {CONSTANT_DEPTH!r} says the same depth everywhere: scaled as every row is, that is the median of the true depths.",
-    "Truth is exact geometry at its instant. Simulated events trail it by 1 to 4 ms, because a pixel of a sensor is slow"
-    " (low-pass), so even perfect masks do not have all of their events inside.",
+    "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames.",
+    f"The row {CONSTANT_DEPTH!r} says one depth for all pixels: scaled as every row is, the median of the true depths.",
+    "Truth is exact geometry at its instant. Simulated events trail it by 1 to 4 ms, as slow pixels do (low-pass):"
+    " even perfect masks do not have all of their events inside.",
     "Event density is the event count in a box of 1/13 of the width, over the mean of the frame; the oracle threshold"
     " is the one with the best IoU on these very recordings.",
 )

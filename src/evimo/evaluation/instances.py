@@ -63,8 +63,8 @@ def instances_of(ids: NDArray[np.int32], probability: NDArray[np.float32] | None
 def connected(mask: Mask, probability: NDArray[np.float32] | None, scored: Mask) -> Instances:
     """The connected regions (eight neighbours) of a mask (H, W), for masks that tell no objects apart."""
     count, labels = cv2.connectedComponents((mask & scored).astype(np.uint8), connectivity=8)
-    names = np.arange(1, count, dtype=np.int64)
-    return Instances(labels.astype(np.int32), names, _mean_score(labels, count - 1, probability))
+    numbered = labels.astype(np.int32)
+    return Instances(numbered, np.arange(1, count, dtype=np.int64), _mean_score(numbered, count - 1, probability))
 
 
 def _mean_score(labels: NDArray[np.int32], count: int, probability: NDArray[np.float32] | None) -> NDArray[np.float64]:

@@ -7,7 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation import metrics
-from evimo.evaluation.instances import Identities, Instances, Overlaps, connected, instances_of, matched_scores, overlaps
+from evimo.evaluation.instances import (
+    Identities,
+    Instances,
+    Overlaps,
+    connected,
+    instances_of,
+    matched_scores,
+    overlaps,
+)
 from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice
 from evimo.evaluation.metrics import Mask
 from evimo.evaluation.outlines import box_px, boxes_of, hulls, shared_box
@@ -40,7 +48,9 @@ class Protocols:
             return ProtocolScores({}, Ranked())
         called, true = prediction.moving & sample.scored, sample.moving & sample.scored
         certainty, ids = prediction.probability, prediction.ids
-        found = connected(called, certainty, sample.scored) if ids is None else instances_of(ids, certainty, sample.scored)
+        found = (
+            connected(called, certainty, sample.scored) if ids is None else instances_of(ids, certainty, sample.scored)
+        )
         pairs = overlaps(found, sample)
         named = found.labels[sample.events.y, sample.events.x].astype(np.int64)
         scores = whole_mask_scores(called, true, sample.scored)

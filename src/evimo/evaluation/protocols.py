@@ -38,8 +38,10 @@ def _spikems(ratio: float) -> tuple[Protocol, Protocol]:
     """SpikeMS at one ratio, and the share of the slices that the ratio keeps."""
     window = f"±{SPIKEMS_US // 1000} ms"
     side = SPIKEMS_DILATION_PX
-    rule = f"at least 30 moving pixels, and at most {ratio:g} events off them for each on them"
-    meaning = f"IoU of pixels with events within {window}, true masks dilated {side}x{side}, mean over frames with {rule}"
+    rule = f"≥ 30 moving px, events off/on ≤ {ratio:g}"
+    meaning = (
+        f"IoU of pixels with events within {window}, true masks dilated {side}x{side}, mean over frames with {rule}"
+    )
     score = _column(f"iou_spikems_{ratio:g}", f"SpikeMS {ratio:g}", meaning)
     kept = _column(f"spikems_kept_{ratio:g}", f"SpikeMS {ratio:g}, kept", f"share of all frames with {rule}")
     return (
@@ -72,14 +74,18 @@ NEW: tuple[Protocol, ...] = (
     ),
     Protocol(
         "class-mean",
-        _column("iou_classes", "mIoU", "mean of the dense IoU of movers and of background, mean over frames with movers"),
+        _column(
+            "iou_classes", "mIoU", "mean of the dense IoU of movers and of background, mean over frames with movers"
+        ),
         DENSE,
         MOVERS,
         "mIoU of segmentation",
     ),
     Protocol(
         "event-pixels",
-        _column("iou_event_pixels", "IoU, event pixels", "IoU of pixels with events, each once, mean over frames with any"),
+        _column(
+            "iou_event_pixels", "IoU, event pixels", "IoU of pixels with events, each once, mean over frames with any"
+        ),
         EVENT_PIXELS,
         "frames with a moving event",
         "GConv, Un-EVIMO",
@@ -99,7 +105,7 @@ NEW: tuple[Protocol, ...] = (
         _column(
             "detected_box",
             "detected, box",
-            "share of movers found by box: more than half of the true box, and more of the predicted box on it than off",
+            "share of movers found by box: more than half of the true box, and more of the predicted one on it than off",
         ),
         "bounding boxes",
         "movers of ≥ 30 px",
@@ -146,7 +152,9 @@ NEW: tuple[Protocol, ...] = (
     ),
     Protocol(
         "coco-ap",
-        _column("ap", "AP", "mean over IoU 0.5 to 0.95 of COCO's average precision of masks, movers of at least 30 pixels"),
+        _column(
+            "ap", "AP", "mean over IoU 0.5 to 0.95 of COCO's average precision of masks, movers of at least 30 pixels"
+        ),
         OBJECTS,
         "all frames",
         "COCO",

@@ -14,7 +14,7 @@ from evimo.evaluation.labels import SMALL_AREA_PX
 from evimo.evaluation.ratios import Score, Scores
 
 BEST_SHARE = 0.3
-THRESHOLDS: NDArray[np.float64] = 0.5 + 0.05 * np.arange(10)  # COCO's
+THRESHOLDS = np.linspace(0.5, 0.95, 10)  # COCO's
 RECALLS = np.linspace(0, 1, 101)  # COCO's
 MOST_DETECTIONS = 100  # per slice, COCO's
 LARGE_PX = 400

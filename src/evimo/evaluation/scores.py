@@ -1,7 +1,6 @@
 """What one prediction of one slice scores, as ratios of sums that add up over slices, recordings and machines."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evimo.evaluation import metrics
 from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice

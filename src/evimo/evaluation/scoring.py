@@ -172,9 +172,7 @@ def slice_report(
     )
 
 
-def rows_with_labels(
-    rows: dict[str, Scores], objects: NDArray[np.int64], sample: LabelledSlice
-) -> dict[str, Scores]:
+def rows_with_labels(rows: dict[str, Scores], objects: NDArray[np.int64], sample: LabelledSlice) -> dict[str, Scores]:
     """The rows with the scores of labels of events: a row of their own beside a mask, else the first one."""
     scores = event_label_scores(objects[sample.kept] > 0, sample) | Protocols().of_events(objects, sample)
     if "iou_pooled" not in rows[MODEL]:

@@ -94,7 +94,8 @@ def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> R
 def _fill_with_protocols(table: Table, report: Report) -> None:
     heads, lines = protocol_heads(report), protocol_lines(report)
     for head in heads:
-        table.add_column(Text(head.replace(", ", ",\n")), justify="right" if head in (*report.rows, "kept") else "left")
+        justify = "right" if head in (*report.rows, "kept") else "left"
+        table.add_column(Text(head.replace(", ", ",\n")), justify=justify, no_wrap=head == heads[0])
     for line in lines:
         table.add_row(*line)
 

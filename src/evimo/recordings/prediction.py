@@ -44,9 +44,7 @@ def prediction_of(estimate: Estimate) -> Prediction:
         event_objects=None if labels is None else labels.objects.astype(np.int64),
         rel_depth=estimate.rel_depth,
         ego=estimate.ego,
-        velocity=velocity_map(
-            estimate.ids.astype(np.int32), {body.id: body.rel_velocity for body in estimate.objects}
-        ),
+        velocity=velocity_map(estimate.ids.astype(np.int32), {body.id: body.rel_velocity for body in estimate.objects}),
         flow=estimate.flow,
         valid=estimate.valid,
     )
