@@ -105,7 +105,7 @@ NEW: tuple[Protocol, ...] = (
         _column(
             "detected_box",
             "detected, box",
-            "share of movers found by box: more than half of the true box, and more of the predicted one on it than off",
+            "share of movers found by box: over half of the true box, and more of the predicted one on it than off",
         ),
         "bounding boxes",
         "movers of ≥ 30 px",

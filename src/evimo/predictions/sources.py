@@ -95,7 +95,8 @@ def check_size(found: tuple[int, ...], sensor: tuple[int, int], what: str) -> No
         BadInput: the sizes (height, width) differ.
     """
     if found != sensor:
+        found_px, sensor_px = (" x ".join(map(str, size)) for size in (found, sensor))
         raise BadInput(
-            f"{what} is {' x '.join(map(str, found))} (height x width), the recording's sensor {sensor[0]} x {sensor[1]}",
+            f"{what} is {found_px} (height x width), the recording's sensor {sensor_px}",
             fix="predictions in sensor pixels, neither cropped nor resized, of this very recording",
         )

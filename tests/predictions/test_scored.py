@@ -1,0 +1,344 @@
+"""Every kind of predictions scored against a recording: the truth itself is perfect, and damage is one error."""
+
+import json
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+from pytest import approx
+
+from evimo.cli import main
+from evimo.errors import BadFile, BadInput, EvimoError, EvimoWarning, NotFound
+from evimo.evaluation.report import LABELS, MODEL, load_report
+from evimo.streaming.evaluating_predictions import UNLABELLED, UNUSED, evaluate_predictions
+
+CENTRES_US = np.array([12_500 + 25_000 * k for k in range(6)])
+PERFECT_MASKS = (
+    *("iou", "iou_30px", "iou_pooled", "iou_all_frames", "iou_best30", "iou_classes", "event_iou", "event_iou_frames"),
+    *("event_iou_own", "iou_event_pixels", "iou_hulls", "detected", "detected_box", "detected_box_iou"),
+    *("detected_region", "detected_mask", "instance_iou", "instance_iou_matched", "ap", "ap50"),
+)
+PERFECT_LABELS = ("event_iou", "event_iou_frames", "event_iou_own", "iou_event_pixels", "iou_hulls")
+NO_PREDICTION = "slices WITHOUT a prediction, not scored"
+
+
+def save_pictures(folder: Path, pictures, times=CENTRES_US) -> Path:
+    folder.mkdir()
+    for picture, t_us in zip(pictures, times, strict=True):
+        cv2.imwrite(str(folder / f"{t_us:012d}.png"), picture)
+    return folder
+
+
+def save_estimates(path: Path, ids, *, keep=slice(None), **attributes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"recording": "a", "model": "tiny", "model_sha256": "0123"} | attributes)
+        file["t_us"], file["ids"] = CENTRES_US[keep], ids[keep].astype(np.uint8)
+        file["moving_probability"] = np.where(ids[keep] > 0, 200, 3).astype(np.uint8)
+        file["rel_depth"] = np.where(ids[keep] > 0, 0.5, 1).astype(np.float16)
+        file["ego"] = np.tile([0.15, 0, 0, 0, 0.2, 0], (len(ids[keep]), 1))
+        file["valid"] = np.ones(ids.shape[1:], bool)
+    return path
+
+
+def save_labels(path: Path, rows, heading="t,x,y,label") -> Path:
+    np.savetxt(path, rows, fmt="%d", delimiter=",", header=heading, comments="")
+    return path
+
+
+@pytest.fixture
+def truth(recording) -> Path:
+    return recording.path
+
+
+def test_true_ids_as_pictures_npz_and_estimates_are_perfect_by_every_protocol(truth, all_ids, tmp_path):
+    np.savez(tmp_path / "ids.npz", ids=all_ids, times=CENTRES_US)
+    np.savez_compressed(
+        tmp_path / "both.npz", ids=all_ids, masks=(all_ids > 0) * np.float32(0.8), times=CENTRES_US * 1e-6
+    )
+    saved = [
+        save_pictures(tmp_path / "png", all_ids * 40),
+        *(tmp_path / "ids.npz", tmp_path / "both.npz"),
+        save_estimates(tmp_path / "run" / "estimates.h5", all_ids),
+        tmp_path / "run",
+    ]
+    for path in saved:
+        report = evaluate_predictions(path, truth)
+        for name in PERFECT_MASKS:
+            assert report.value(MODEL, name) == approx(1), (path, name)
+        assert report.value(MODEL, "identity_switches") == 0
+        assert report.counts["slices"] == 6 and report.counts[NO_PREDICTION] == 0 and report.counts[UNUSED] == 0
+
+
+def test_labels_of_events_as_csv_npz_and_our_own_file_are_perfect(truth, labelled_rows, tmp_path):
+    t, x, y, label = labelled_rows.T
+    np.savez(tmp_path / "order.npz", labels=label)
+    np.savez(tmp_path / "place.npz", labels=label, t=t, x=x, y=y)
+    np.savetxt(tmp_path / "order.csv", label, fmt="%d")
+    swapped = save_labels(tmp_path / "place.csv", labelled_rows[:, [3, 1, 2, 0]], "label,x,y,t")
+    seconds = tmp_path / "seconds.csv"
+    seconds.write_text("t x y label\n" + "".join(f"{a / 1e6:.6f} {b} {c} {d}\n" for a, b, c, d in labelled_rows))
+    with h5py.File(tmp_path / "events.h5", "w") as file:
+        for name, column in zip(("t_us", "x", "y", "object"), labelled_rows.T, strict=True):
+            file[name] = column
+    for name in ("order.npz", "place.npz", "order.csv", swapped.name, seconds.name, "events.h5"):
+        report = evaluate_predictions(tmp_path / name, truth)
+        for score in PERFECT_LABELS:
+            assert report.value(MODEL, score) == approx(1), (name, score)
+        assert report.value(MODEL, "iou") is None  # labels of events are no dense mask
+        assert report.counts[NO_PREDICTION] == 0 and report.counts[UNLABELLED] == 0
+
+
+def test_a_mask_without_names_has_its_regions_for_objects_and_no_identities(truth, all_ids, tmp_path):
+    report = evaluate_predictions(save_pictures(tmp_path / "png", (all_ids > 0) * np.uint8(255)), truth)
+    assert report.value(MODEL, "ap") == approx(1)  # the two movers do not touch
+    assert report.value(MODEL, "identity_switches") is None
+
+
+def test_a_shifted_mask_scores_what_counting_says(truth, all_ids, tmp_path):
+    shifted = np.roll(all_ids, 2, axis=2)
+    report = evaluate_predictions(save_pictures(tmp_path / "png", shifted), truth)
+    one, two = (10 * 10, 14 * 10), (6 * 8, 10 * 8)  # cut and union of each object
+    with_two = (one[0] + two[0]) / (one[1] + two[1])
+    assert report.value(MODEL, "iou") == approx((4 * with_two + 2 * one[0] / one[1]) / 6)
+    assert report.value(MODEL, "iou_best30") == approx(one[0] / one[1])  # the best two of six
+    assert report.value(MODEL, "iou_pooled") == approx((6 * one[0] + 4 * two[0]) / (6 * one[1] + 4 * two[1]))
+    assert report.value(MODEL, "instance_iou") == approx((6 * one[0] / one[1] + 4 * two[0] / two[1]) / 10)
+    assert report.value(MODEL, "ap50") == approx(1)
+    assert report.value(MODEL, "detected_box") == report.value(MODEL, "detected_region") == 1
+    background = [(1200 - one[1] - two[1]) / (1200 - one[0] - two[0]), (1200 - one[1]) / (1200 - one[0])]
+    classes = [(with_two + background[0]) / 2, (one[0] / one[1] + background[1]) / 2]
+    assert report.value(MODEL, "iou_classes") == approx((4 * classes[0] + 2 * classes[1]) / 6)
+
+
+def test_names_that_change_are_identity_switches(truth, all_ids, tmp_path):
+    renamed = all_ids.copy()
+    renamed[3:][all_ids[3:] == 1] = 7
+    report = evaluate_predictions(save_pictures(tmp_path / "png", renamed), truth)
+    assert report.rows[MODEL]["identity_switches"].top == 1
+    assert report.rows[MODEL]["identity_switches"].bottom == 10
+
+
+def test_slices_without_a_prediction_are_counted_and_said(truth, all_ids, tmp_path, capsys):
+    pictures = save_pictures(tmp_path / "png", all_ids[:4], [*CENTRES_US[:3], 81_000])
+    assert main(["evaluate", str(pictures), "--truth", str(truth), "--out", str(tmp_path / "out")]) == 0
+    report = load_report(tmp_path / "out" / "report.json")
+    assert (report.counts["slices"], report.counts[NO_PREDICTION], report.counts[UNUSED]) == (3, 3, 1)
+    for text in (capsys.readouterr().out, (tmp_path / "out" / "report.md").read_text()):
+        assert "3 slices WITHOUT a prediction" in text and "spikems-1.5-kept" in text and "±10 ms" in text
+    assert evaluate_predictions(pictures, truth, within_ms=10).counts["slices"] == 4
+
+
+def test_events_without_a_label_are_counted_and_static(truth, labelled_rows, tmp_path):
+    report = evaluate_predictions(save_labels(tmp_path / "some.csv", labelled_rows[labelled_rows[:, 3] == 1]), truth)
+    pixels = {1: 6 * 120, 2: 4 * 64}
+    assert report.counts[UNLABELLED] == 6 * 1200 - pixels[1]
+    assert report.value(MODEL, "event_iou") == approx(pixels[1] / (pixels[1] + pixels[2]))
+    late = save_labels(tmp_path / "late.csv", labelled_rows[2 * 1200 :])
+    assert evaluate_predictions(late, truth).counts[NO_PREDICTION] == 2
+
+
+def test_a_run_with_labels_has_a_row_for_them_and_tells_its_model(truth, all_ids, labelled_rows, tmp_path):
+    save_estimates(tmp_path / "run" / "estimates.h5", all_ids)
+    with h5py.File(tmp_path / "run" / "events.h5", "w") as file:
+        file.attrs["model_sha256"] = "0123"
+        for name, column in zip(("t_us", "x", "y", "object"), labelled_rows.T, strict=True):
+            file[name] = column if name != "object" else column * (column == 1)
+    (tmp_path / "run" / "objects.csv").write_text(
+        "t_us,object,rel_vx,rel_vy,rel_vz\n" + "".join(f"{t},1,0.1,0,0\n" for t in CENTRES_US)
+    )
+    report = evaluate_predictions(tmp_path / "run", truth)
+    assert list(report.rows)[:2] == [MODEL, LABELS]
+    assert report.value(MODEL, "event_iou") == 1 and report.value(LABELS, "event_iou") == approx(720 / (720 + 256))
+    assert report.settings["model sha256"] == "0123"
+    assert report.value(MODEL, "camera_aee_depth") == approx(0)  # 0.15 x 2 m
+    assert report.value(MODEL, "objects_found") == approx(6 / 10)
+    assert report.value(MODEL, "object_aee") == approx(0.2 * 4 / 10)
+    assert report.value(MODEL, "object_aee_found") == approx(0)
+    with h5py.File(tmp_path / "run" / "events.h5", "a") as file:
+        file.attrs["model_sha256"] = "4567"
+    with pytest.raises(BadFile, match="different models"):
+        evaluate_predictions(tmp_path / "run", truth)
+
+
+def test_predictions_of_another_recording_are_warned_of(truth, all_ids, tmp_path):
+    with pytest.warns(EvimoWarning, match="of 'b'"):
+        evaluate_predictions(save_estimates(tmp_path / "run" / "estimates.h5", all_ids, recording="b"), truth)
+
+
+def test_several_recordings_take_predictions_of_their_names(save_recording, all_ids, tmp_path, capsys):
+    for name in ("x/s", "y/s"):
+        save_recording(tmp_path / "truth" / name)
+    np.savez(tmp_path / "wrong.npz", ids=all_ids, times=CENTRES_US)
+    for name in ("x", "y"):
+        ids = all_ids if name == "x" else 0 * all_ids
+        save_estimates(tmp_path / "answers" / name / "s" / "estimates.h5", ids, recording="s")
+    report = evaluate_predictions(tmp_path / "answers", [tmp_path / "truth"])
+    assert report.counts["recordings"] == 2 and report.value(MODEL, "iou") == approx(0.5)
+    with pytest.raises(BadInput, match="holds no predictions of"):
+        evaluate_predictions(tmp_path / "wrong.npz", tmp_path / "truth")
+    for name in ("x", "y"):
+        (tmp_path / "answers" / name / "s" / "estimates.h5").unlink()
+        (tmp_path / "answers" / name / "s").rmdir()
+        (tmp_path / "answers" / name).rmdir()
+    save_pictures(tmp_path / "answers" / "s", all_ids)
+    with pytest.raises(BadInput, match="several of the recordings"):
+        evaluate_predictions(tmp_path / "answers", tmp_path / "truth")
+
+
+def refused(path: Path, truth: Path, error: type[EvimoError], words: str) -> None:
+    with pytest.raises(error, match=words):
+        evaluate_predictions(path, truth)
+
+
+def test_maps_of_another_sensor_are_refused(truth, all_ids, tmp_path):
+    np.savez(tmp_path / "wide.npz", masks=np.zeros((6, 30, 41), bool), times=CENTRES_US)
+    refused(tmp_path / "wide.npz", truth, BadInput, "30 x 41")
+    refused(save_pictures(tmp_path / "png", all_ids[:, 1:]), truth, BadInput, "29 x 40")
+    refused(save_estimates(tmp_path / "estimates.h5", all_ids[:, :, 1:]), truth, BadInput, "30 x 39")
+
+
+@pytest.mark.parametrize(
+    ("times", "error", "words"),
+    [
+        (CENTRES_US + 5_000, BadInput, "no mask in .* 5000 µs apart"),
+        (np.arange(6), BadInput, "12495 µs apart"),
+        (CENTRES_US * 1e-3, BadInput, "no mask"),  # in ms
+        (CENTRES_US[::-1], BadFile, "do not ascend"),
+        (CENTRES_US[:5], BadFile, "6 maps and 5 times"),
+        (np.full(6, np.nan), BadFile, "no times"),
+        (np.zeros((6, 2)), BadFile, "no times"),
+    ],
+)
+def test_times_that_fit_no_slice_are_refused(truth, all_ids, tmp_path, times, error, words):
+    np.savez(tmp_path / "ids.npz", ids=all_ids, times=times)
+    refused(tmp_path / "ids.npz", truth, error, words)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({"ids": np.zeros((6, 30, 40), int)}, "lacks `times`"),
+        ({"ids": np.zeros((6, 30, 40)), "times": CENTRES_US}, "float64"),
+        ({"masks": np.full((6, 30, 40), 1.5), "times": CENTRES_US}, "outside 0 to 1"),
+        ({"masks": np.full((6, 30, 40), np.nan), "times": CENTRES_US}, "outside 0 to 1"),
+        ({"masks": np.zeros((30, 40), bool), "times": CENTRES_US}, "`masks` of"),
+        ({"other": np.zeros(3)}, "neither masks, nor ids, nor labels: other"),
+        ({"labels": np.zeros(7200), "t": np.zeros(7200), "x": np.zeros(7200), "y": np.zeros(7199)}, "not one length"),
+        ({"labels": np.full(7200, 0.5)}, "no whole numbers"),
+        ({"ids": np.array([{}]), "times": CENTRES_US}, "pickle"),
+    ],
+)
+def test_archives_that_hold_no_predictions_are_refused(truth, tmp_path, arrays, words):
+    np.savez(tmp_path / "bad.npz", **arrays)
+    refused(tmp_path / "bad.npz", truth, BadFile, words)
+
+
+def test_labels_of_other_events_are_refused(truth, labelled_rows, tmp_path):
+    np.savez(tmp_path / "few.npz", labels=labelled_rows[1:, 3])
+    refused(tmp_path / "few.npz", truth, BadInput, "7,199 labels, the recording 7,200 events")
+    np.savetxt(tmp_path / "few.csv", labelled_rows[1:, 3], fmt="%d")
+    refused(tmp_path / "few.csv", truth, BadInput, "fewer labels")
+    np.savetxt(tmp_path / "many.csv", np.append(labelled_rows[:, 3], 0), fmt="%d")
+    refused(tmp_path / "many.csv", truth, BadInput, "more labels")
+    moved = labelled_rows + [0, 1, 0, 0]
+    refused(save_labels(tmp_path / "outside.csv", moved), truth, BadInput, "column 40")
+    later = labelled_rows + [1, 0, 0, 0]
+    refused(save_labels(tmp_path / "later.csv", later), truth, BadInput, "does not have")
+    refused(save_labels(tmp_path / "back.csv", labelled_rows[::-1]), truth, BadFile, "go back")
+    beyond = np.concatenate((labelled_rows, [[900_000, 0, 0, 1]]))
+    refused(save_labels(tmp_path / "beyond.csv", beyond), truth, BadInput, "after the recording's end")
+    refused(save_labels(tmp_path / "none.csv", labelled_rows, "t,x,y,p"), truth, BadFile, "no labels of events")
+    (tmp_path / "words.csv").write_text("label\n1\nseven\n")
+    refused(tmp_path / "words.csv", truth, BadFile, "no label")
+
+
+def test_damaged_and_missing_files_are_one_error(truth, all_ids, tmp_path, capsys):
+    refused(tmp_path / "nowhere", truth, NotFound, "no predictions")
+    (tmp_path / "empty").mkdir()
+    refused(tmp_path / "empty", truth, BadFile, "holds no predictions")
+    path = save_estimates(tmp_path / "estimates.h5", all_ids)
+    path.write_bytes(path.read_bytes()[:3000])
+    refused(path, truth, BadFile, "HDF5")
+    pictures = save_pictures(tmp_path / "png", all_ids)
+    (pictures / f"{CENTRES_US[2]:012d}.png").write_bytes(b"\x89PNG")
+    refused(pictures, truth, BadFile, f"{CENTRES_US[2]}.png is no PNG")
+    np.savez(tmp_path / "cut.npz", ids=all_ids, times=CENTRES_US)
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "cut.npz").read_bytes()[:3000])
+    refused(tmp_path / "cut.npz", truth, BadFile, "cut.npz")
+    (tmp_path / "text.md").write_text("no")
+    assert main(["evaluate", str(tmp_path / "text.md"), "--truth", str(truth)]) == 2
+    assert "no kind of predictions" in capsys.readouterr().err
+
+
+def test_pictures_that_are_no_masks_are_refused(truth, all_ids, tmp_path):
+    rng = np.random.default_rng(0)
+    refused(
+        save_pictures(tmp_path / "soft", rng.integers(0, 255, all_ids.shape, np.uint8)), truth, BadFile, "different"
+    )
+    refused(save_pictures(tmp_path / "rgb", rng.integers(0, 3, (6, 30, 40, 3), np.uint8)), truth, BadFile, "colours")
+    grey = save_pictures(tmp_path / "grey", np.repeat(all_ids[..., None], 3, axis=3))
+    assert evaluate_predictions(grey, truth).value(MODEL, "iou") == 1
+    (grey / "last.png").write_bytes(b"")
+    refused(grey, truth, BadFile, "what time")
+
+
+def test_pictures_of_any_name_take_their_times_from_a_list(truth, all_ids, tmp_path):
+    folder = tmp_path / "png"
+    folder.mkdir()
+    for k, ids in enumerate(all_ids):
+        cv2.imwrite(str(folder / f"frame_{k}.png"), ids.astype(np.uint16) * 1000)
+    lines = [f"frame_{k}.png,{t_us}" for k, t_us in enumerate(CENTRES_US)]
+    for text in (
+        "\n".join(lines),
+        "\n".join(["name,t", *(f"frame_{k}.png, {t / 1e6}" for k, t in enumerate(CENTRES_US))]),
+    ):
+        (folder / "times.csv").write_text(text)
+        assert evaluate_predictions(folder, truth).value(MODEL, "ap") == approx(1)
+    (folder / "times.csv").write_text("\n".join([*lines, "frame_9.png,900000"]))
+    refused(folder, truth, BadFile, "frame_9.png")
+    (folder / "times.csv").write_text("frame_0.png,soon")
+    refused(folder, truth, BadFile, "not name,time")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--model", "tiny"], ["--imu", "off"], ["--within-ms", "20"], ["--within-ms", "-1"], ["--within-ms", "nan"]],
+)
+def test_options_that_do_not_go_with_predictions_are_refused(truth, all_ids, tmp_path, capsys, options):
+    np.savez(tmp_path / "ids.npz", ids=all_ids, times=CENTRES_US)
+    assert main(["evaluate", str(tmp_path / "ids.npz"), "--truth", str(truth), *options]) == 2
+    assert "try:" in capsys.readouterr().err
+    assert main(["evaluate", str(truth), "--within-ms", "2"]) == 2
+    assert main(["evaluate", str(truth), str(truth), "--truth", str(truth)]) == 2
+
+
+def test_numbers_from_estimates_alone_are_those_of_the_report(truth, all_ids, tmp_path):
+    """As a reader of docs/metrics.md would: NumPy, the file, and the truth."""
+    path = save_estimates(tmp_path / "run" / "estimates.h5", np.roll(all_ids, 1, axis=1))
+    report = evaluate_predictions(path, truth)
+    with h5py.File(path) as file:
+        moving = file["moving_probability"][:] > 127.5
+        seen = file["rel_depth"][:].astype(float)
+        ego = file["ego"][:]
+    true, metres = all_ids > 0, np.where(all_ids > 0, 1.0, 2.0)
+    frames = [(p & t).sum() / (p | t).sum() for p, t in zip(moving, true, strict=True)]
+    assert report.value(MODEL, "iou") == approx(np.mean(frames), abs=1e-6)
+    scale = [np.median(t) / np.median(p) for p, t in zip(seen, metres, strict=True)]
+    logs = [np.log(p * s) - np.log(t) for p, s, t in zip(seen, scale, metres, strict=True)]
+    assert report.value(MODEL, "silog") == approx(np.mean([(d**2).mean() - d.mean() ** 2 for d in logs]), abs=1e-6)
+    errors = [np.linalg.norm(v[:3] * s - [0.3, 0, 0]) for v, s in zip(ego, scale, strict=True)]
+    assert report.value(MODEL, "camera_aee_depth") == approx(np.mean(errors), abs=1e-6)
+
+
+def test_the_report_is_saved_with_what_its_numbers_depend_on(truth, all_ids, tmp_path):
+    path = save_estimates(tmp_path / "run" / "estimates.h5", all_ids)
+    assert main(["evaluate", str(path), "--truth", str(truth), "--out", str(tmp_path / "out")]) == 0
+    saved = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert saved["format"] == 3
+    assert saved["settings"]["model sha256"] == "0123" and saved["settings"]["masks within ms"] == 1
+    assert len(saved["ranked"][MODEL]["frame_iou"]) == 6
+    page = (tmp_path / "out" / "report.md").read_text()
+    assert "| coco-ap | 1.000 |" in page and "IoU of model by protocol: 0.5" in page  # true masks are dilated
