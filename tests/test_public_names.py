@@ -12,6 +12,7 @@ NAMES = {
     "Estimate",
     "Events",
     "evaluate",
+    "evaluate_predictions",
     "load_camera",
     "load_model",
     "open_events",

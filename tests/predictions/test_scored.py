@@ -1,6 +1,7 @@
 """Every kind of predictions scored against a recording: the truth itself is perfect, and damage is one error."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ from pytest import approx
 
 from evimo.cli import main
 from evimo.errors import BadFile, BadInput, EvimoError, EvimoWarning, NotFound
+from evimo.evaluation.columns import OF_ALL, PROTOCOLS
 from evimo.evaluation.report import LABELS, MODEL, load_report
 from evimo.streaming.evaluating_predictions import UNLABELLED, UNUSED, evaluate_predictions
 
@@ -342,3 +344,20 @@ def test_the_report_is_saved_with_what_its_numbers_depend_on(truth, all_ids, tmp
     assert len(saved["ranked"][MODEL]["frame_iou"]) == 6
     page = (tmp_path / "out" / "report.md").read_text()
     assert "| coco-ap | 1.000 |" in page and "IoU of model by protocol: 0.5" in page  # true masks are dilated
+
+
+def test_the_page_of_metrics_names_every_protocol_and_its_block_gives_the_same_numbers(truth, all_ids, tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "metrics.md").read_text()
+    assert [
+        protocol.name for protocol in PROTOCOLS if f"`{protocol.name}`" not in page and "spikems" not in protocol.name
+    ] == []
+    told = [{column.name, re.sub("_(ratio|events)$", "", column.name)} for column in OF_ALL]
+    missing = {min(names) for names in told if not any(f"`{name}`" in page for name in names)}
+    assert missing == {"delta_2", "aee", "aee_depth", "rre"}  # delta_1 to delta_3, and ratios
+    path = save_estimates(tmp_path / "run" / "estimates.h5", np.roll(all_ids, 2, axis=2))
+    block: dict = {"recording": truth, "estimates": path}
+    exec(re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)[0], block)
+    report = evaluate_predictions(path, truth)
+    assert len(block["recomputed"]) == 7
+    for name, value in block["recomputed"].items():
+        assert report.value(MODEL, name) == approx(value, abs=1e-4), name

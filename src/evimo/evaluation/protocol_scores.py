@@ -95,8 +95,9 @@ def halved(mask: Mask, scored: Mask) -> Mask:
     """A mask at half its size: a block of 2x2 is in it where at least half of the block's scored pixels are, if any."""
     height, width = mask.shape[0] // 2, mask.shape[1] // 2
 
-    def count(what: Mask) -> NDArray[np.int64]:
-        return what[: 2 * height, : 2 * width].reshape(height, 2, width, 2).sum(axis=(1, 3), dtype=np.int64)
+    def count(what: Mask) -> NDArray[np.uint8]:
+        ones = what[: 2 * height, : 2 * width].view(np.uint8)
+        return ones[::2, ::2] + ones[1::2, ::2] + ones[::2, 1::2] + ones[1::2, 1::2]
 
     inside, of_all = count(mask & scored), count(scored)
     return (2 * inside >= of_all) & (of_all > 0)
