@@ -8,6 +8,7 @@ import pytest
 
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
+from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.recording import Recording, open_recording
 from evimo.recordings.truth import ObjectTruth, Truth
@@ -36,13 +37,13 @@ def events_in(k: int) -> Events:
 
 
 @pytest.fixture
-def save_recording() -> Callable[[Path], Path]:
-    def save(folder: Path) -> Path:
+def save_recording() -> Callable[..., Path]:
+    def save(folder: Path, writes: type[RecordingWriter] | type[Evimo1Writer] = RecordingWriter) -> Path:
         def at_rest(times_us):
             still = np.tile(np.eye(4), (len(times_us), 1, 1))
             return PoseTrack(times_us, still, np.array([1, 2], np.uint8), np.stack((still, still), axis=1))
 
-        with RecordingWriter(folder, CAMERA, facts={"set": 4, "seed": 0}, poses=at_rest) as writer:
+        with writes(folder, CAMERA, facts={"set": 4, "seed": 0}, poses=at_rest) as writer:
             for k in range(SLICES):
                 ids, events = ids_at(k), events_in(k)
                 movers = {key: ObjectTruth(np.array([0, 0, 1.0]), np.array([0.2, 0, 0]), np.zeros(3)) for key in (1, 2)}
@@ -58,7 +59,7 @@ def save_recording() -> Callable[[Path], Path]:
 
 
 @pytest.fixture
-def recording(save_recording: Callable[[Path], Path], tmp_path: Path) -> Recording:
+def recording(save_recording: Callable[..., Path], tmp_path: Path) -> Recording:
     return open_recording(save_recording(tmp_path / "truth" / "a"))
 
 

@@ -14,6 +14,7 @@ from evimo.cli import main
 from evimo.errors import BadFile, BadInput, EvimoError, EvimoWarning, NotFound
 from evimo.evaluation.columns import OF_ALL, PROTOCOLS
 from evimo.evaluation.report import LABELS, MODEL, load_report
+from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.streaming.evaluating_predictions import UNLABELLED, UNUSED, evaluate_predictions
 
 CENTRES_US = np.array([12_500 + 25_000 * k for k in range(6)])
@@ -361,3 +362,59 @@ def test_the_page_of_metrics_names_every_protocol_and_its_block_gives_the_same_n
     assert len(block["recomputed"]) == 7
     for name, value in block["recomputed"].items():
         assert report.value(MODEL, name) == approx(value, abs=1e-4), name
+
+
+def test_masks_that_could_be_probabilities_are_refused_rather_than_guessed(truth, all_ids, tmp_path):
+    np.savez(tmp_path / "soft.npz", masks=(all_ids * 100).astype(np.uint8), times=CENTRES_US)
+    refused(tmp_path / "soft.npz", truth, BadFile, "more values than 0 and one other")
+    refused(save_pictures(tmp_path / "border", np.where(all_ids == 1, 255, all_ids)), truth, BadFile, "255 beside")
+    np.savez(tmp_path / "hard.npz", masks=(all_ids > 0) * np.uint8(255), times=CENTRES_US)
+    assert evaluate_predictions(tmp_path / "hard.npz", truth).value(MODEL, "iou") == 1
+    full = np.full_like(all_ids, 255)
+    assert evaluate_predictions(save_pictures(tmp_path / "full", full), truth).value(MODEL, "recall") == 1
+
+
+def test_one_mask_may_serve_two_slices_and_is_counted_once(truth, all_ids, tmp_path):
+    np.savez(tmp_path / "ends.npz", ids=all_ids[:3], times=[25_000, 75_000, 125_000])
+    report = evaluate_predictions(tmp_path / "ends.npz", truth, within_ms=12.5)
+    assert report.counts["slices"] == 6 and report.counts[UNUSED] == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("moving_probability", np.zeros((6, 30, 40)), "another type"),  # 0 to 1 would all be below one half of 255
+        ("ego", np.zeros((6, 3)), "fit together"),
+        ("ego", np.full((6, 6), np.nan), "not finite"),
+        ("rel_depth", np.full((6, 30, 40), np.inf, np.float16), "not finite"),
+        ("t_us", np.int64(3), "no times"),
+        ("ids", np.zeros((5, 30, 40), np.uint8), "fit together"),
+        ("valid", None, "lacks `valid`"),
+    ],
+)
+def test_estimates_with_impossible_datasets_are_refused(truth, all_ids, tmp_path, name, values, words):
+    path = save_estimates(tmp_path / "estimates.h5", all_ids)
+    with h5py.File(path, "a") as file:
+        del file[name]
+        if values is not None:
+            file[name] = values
+    refused(path, truth, BadFile, words)
+
+
+def test_a_heading_may_be_a_comment(truth, labelled_rows, tmp_path):
+    path = save_labels(tmp_path / "labels.txt", labelled_rows, "# timestamp,x,y,cluster")
+    assert evaluate_predictions(path, truth).value(MODEL, "event_iou") == 1
+
+
+def test_recordings_in_the_layout_of_ev_imo_take_predictions_as_folders_do(
+    save_recording, truth, all_ids, labelled_rows, tmp_path
+):
+    file = save_recording(tmp_path / "v1" / "c.npz", Evimo1Writer)
+    np.savez(tmp_path / "ids.npz", ids=all_ids, times=CENTRES_US)
+    np.savez(tmp_path / "labels.npz", labels=labelled_rows[:, 3])
+    for path in ("ids.npz", "labels.npz"):
+        of_file, of_folder = (evaluate_predictions(tmp_path / path, each) for each in (file, truth))
+        assert of_file.rows[MODEL] == of_folder.rows[MODEL] and of_file.counts["slices"] == 6
+    (tmp_path / "all").mkdir()
+    (tmp_path / "ids.npz").rename(tmp_path / "all" / "c.npz")
+    assert evaluate_predictions(tmp_path / "all", file).value(MODEL, "iou") == 1

@@ -63,4 +63,6 @@ class _Archived:
             if not ((mask >= 0) & (mask <= 1)).all():
                 raise BadFile(f"mask {k} of {self._path} has values outside 0 to 1", fix=FIX)
             probability, mask = mask.astype(np.float32), mask > 0.5
+        elif mask.dtype.kind != "b" and (values := np.unique(mask)).size > 2 - (values[0] != 0):
+            raise BadFile(f"mask {k} of {self._path} has more values than 0 and one other", fix=FIX)
         return Prediction(moving=mask > 0, ids=None if ids is None else ids.clip(0), probability=probability)

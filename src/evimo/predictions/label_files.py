@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,7 +88,8 @@ def labels_in_h5(path: Path) -> LabelFile:
     file = opened_h5(path)
     stored: Any = file
     names = ("t_us", "x", "y", "object")
-    if any(name not in stored for name in names) or len({len(stored[name]) for name in names}) > 1:
+    whole = all(isinstance(stored.get(name), h5py.Dataset) for name in names)
+    if not whole or len({stored[name].shape for name in names}) > 1 or stored["x"].ndim != 1:
         raise BadFile(f"{path} holds no labelled events", fix="evimo run RECORDING --event-labels")
 
     def blocks() -> Iterator[Block]:
@@ -108,7 +110,7 @@ def labels_in_csv(path: Path) -> LabelFile:
         BadFile: there are no such lines.
     """
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        first = file.readline().strip().lower()
+        first = file.readline().strip().lower().lstrip("#% ")
         sample = [first, *(line.strip() for line in islice(file, 100))]
     mark = next((mark for mark in ",;\t " if mark in first), ",")
     words = [word.strip().strip('"') for word in next(csv.reader([first], delimiter=mark), [])]

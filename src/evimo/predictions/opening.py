@@ -9,7 +9,7 @@ from evimo.formats.npz_members import Archive
 from evimo.predictions.archives import holds_maps, open_archive
 from evimo.predictions.event_labels import found_labels
 from evimo.predictions.label_files import LabelFile, labels_in_csv, labels_in_h5, labels_in_npz
-from evimo.predictions.pictures import TIMES, open_pictures
+from evimo.predictions.pictures import holds_pictures, open_pictures
 from evimo.predictions.runs import ESTIMATES, EVENTS, open_estimates, opened_h5
 from evimo.predictions.sources import Predictions
 from evimo.recordings.recording import Recording
@@ -96,7 +96,7 @@ def _open_folder(folder: Path, recording: Recording) -> Predictions:
         return Predictions(path=folder, kind=kind, maps=maps.maps, labels=labels.labels, facts=maps.facts)
     if labels is not None:
         return labels
-    if any(folder.glob("*.png")) or (folder / TIMES).is_file():
+    if holds_pictures(folder):
         return open_pictures(folder, recording.camera.size)
     raise BadFile(f"{folder} holds no predictions", fix=KINDS)
 

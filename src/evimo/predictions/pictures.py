@@ -20,6 +20,11 @@ MOST_VALUES = 64
 NAMING = f"name them by time in µs, such as 000012500.png, or add {TIMES} with lines of name,time"
 
 
+def holds_pictures(folder: Path) -> bool:
+    """Whether there are PNG pictures in it, or a list of some."""
+    return bool(_pictures_in(folder)) or (folder / TIMES).is_file()
+
+
 def open_pictures(folder: Path, sensor: tuple[int, int]) -> Predictions:
     """Open a folder of PNG masks, named by time in µs or listed in `times.csv`.
 
@@ -61,14 +66,24 @@ class _Pictures:
                 f"{path} has {len(values)} different values: neither a mask nor ids of objects",
                 fix="0 and 255 for a mask; an npz with `masks` of float numbers, 0 to 1, for probabilities",
             )
-        ids = None if values.max() == MASK and len(values) <= 2 else picture.astype(np.int32)
+        nameless = values[-1] == MASK
+        if nameless and values[values > 0].size > 1:
+            raise BadFile(
+                f"{path} has {MASK} beside other values than 0: a probability, or a border that is not to be scored?",
+                fix=f"0 and {MASK} for a mask; other numbers for objects; what is not sure as 0",
+            )
+        ids = None if nameless else picture.astype(np.int32)
         return Prediction(moving=picture > 0, ids=ids)
+
+
+def _pictures_in(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.suffix.lower() == ".png" and not path.name.startswith(".")]
 
 
 def _named(folder: Path) -> dict[Path, int]:
     """Times by the digits at the end of the names."""
     times: dict[Path, int] = {}
-    for path in folder.glob("*.png"):
+    for path in _pictures_in(folder):
         digits = re.search(r"(\d{1,18})$", path.stem)
         if digits is None:
             raise BadFile(f"{path} does not say of what time it is", fix=NAMING)

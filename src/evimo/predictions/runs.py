@@ -16,6 +16,7 @@ from evimo.recordings.prediction import Prediction, velocity_map
 
 ESTIMATES, EVENTS, OBJECTS = "estimates.h5", "events.h5", "objects.csv"
 MAPS = ("moving_probability", "ids", "rel_depth")
+KINDS = {"moving_probability": "u", "ids": "u", "rel_depth": "f", "t_us": "i", "ego": "f", "valid": "b"}
 DAMAGED = "run again: evimo run RECORDING --dense"
 VELOCITY = ("rel_vx", "rel_vy", "rel_vz")
 
@@ -53,12 +54,13 @@ class _Estimates:
 
     def __init__(self, path: Path, file: h5py.File, sensor: tuple[int, int]) -> None:
         self._path = path
-        self._data = {name: self._dataset(file, name) for name in (*MAPS, "t_us", "ego", "valid")}
+        self._data = {name: self._dataset(file, name) for name in KINDS}
         self.times_us = ascending_us(self._read("t_us", ...), path, name="t_us")
         for name in MAPS:
             check_size(self._data[name].shape[1:], sensor, f"`{name}` of {path}")
-        if any(len(self._data[name]) != len(self.times_us) for name in (*MAPS, "ego")):
-            raise BadFile(f"the datasets of {path} have not one length", fix=DAMAGED)
+        lengths = {self._data[name].shape[0] for name in (*MAPS, "ego")}
+        if lengths != {len(self.times_us)} or self._data["ego"].shape[1:] != (6,):
+            raise BadFile(f"the datasets of {path} do not fit together", fix=DAMAGED)
         self._valid: NDArray[np.bool_] = self._read("valid", ...).astype(np.bool_)
         check_size(self._valid.shape, sensor, f"`valid` of {path}")
         table = path.parent / OBJECTS
@@ -67,6 +69,9 @@ class _Estimates:
     def at(self, k: int) -> Prediction:
         """Slice k; ids count where the mask is valid."""
         of_255, ids, rel_depth = (self._read(name, k) for name in MAPS)
+        ego = self._read("ego", k).astype(np.float64)
+        if not np.isfinite(ego).all() or not np.isfinite(rel_depth[self._valid]).all():
+            raise BadFile(f"slice {k} of {self._path} holds numbers that are not finite", fix=DAMAGED)
         ids = np.where(self._valid, ids, 0).astype(np.int32)
         objects = None if self._velocities is None else self._velocities.at(int(self.times_us[k]))
         return Prediction(
@@ -74,15 +79,16 @@ class _Estimates:
             ids=ids,
             probability=of_255.astype(np.float32) / np.float32(255),
             rel_depth=rel_depth.astype(np.float32),
-            ego=self._read("ego", k).astype(np.float64),
+            ego=ego,
             velocity=None if objects is None else velocity_map(ids, objects),
             valid=self._valid,
         )
 
     def _dataset(self, file: h5py.File, name: str) -> Any:
-        if not isinstance(file.get(name), h5py.Dataset):
-            raise BadFile(f"{self._path} lacks `{name}`", fix=DAMAGED)
-        return file[name]
+        dataset = file.get(name)
+        if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind != KINDS[name]:
+            raise BadFile(f"{self._path} lacks `{name}`, or holds it in another type", fix=DAMAGED)
+        return dataset
 
     def _read(self, name: str, at: Any) -> NDArray[Any]:
         try:

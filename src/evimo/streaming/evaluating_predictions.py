@@ -101,7 +101,7 @@ class _Matched:
 
     def __init__(self, recording: Recording, predictions: Predictions, *, within_us: int) -> None:
         self._recording, self._predictions, self._within_us = recording, predictions, within_us
-        self._used: int = 0
+        self._used = set[int]()
         if predictions.maps is not None:
             self._check_times(predictions.maps)
 
@@ -123,7 +123,7 @@ class _Matched:
     def counts(self) -> dict[str, int]:
         """What of the predictions was not used, after the last slice."""
         maps, labels = self._predictions.maps, self._predictions.labels
-        counts = {} if maps is None else {UNUSED: len(maps.times_us) - self._used}
+        counts = {} if maps is None else {UNUSED: len(maps.times_us) - len(self._used)}
         return counts if labels is None else counts | {UNLABELLED: labels.unlabelled}
 
     def _at(self, part: Slice) -> Prediction | None:
@@ -133,7 +133,7 @@ class _Matched:
         k = None if maps is None else _nearest(maps, part.centre_us, self._within_us)
         if maps is None or k is None:
             return None if maps is not None or objects is None else Prediction(event_objects=objects)
-        self._used += 1
+        self._used.add(k)
         return replace(maps.at(k), event_objects=objects)
 
     def _check_times(self, maps: Maps) -> None:
