@@ -29,7 +29,7 @@ check: $(VENV)/.dev
 	$(VENV)/bin/python -m pyright
 	$(VENV)/bin/python -m pytest tests/test_imports.py
 
-bench: $(VENV)/.base
+bench: $(VENV)/.dev
 	@$(VENV)/bin/python bench/speed.py $(ARGS)
 
 fuzz: $(VENV)/.dev
@@ -55,7 +55,7 @@ $(VENV)/.made:
 
 $(VENV)/.base: $(VENV)/.made pyproject.toml constraints.txt
 	@echo "installing evimo and what running needs (no torch) into $(VENV): about a minute"
-	@$(PIP) install -c constraints.txt -e .
+	@$(PIP) install --no-compile -c constraints.txt -e .
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.made pyproject.toml constraints.txt

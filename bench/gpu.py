@@ -29,6 +29,7 @@ from evimo.simulate.cuda_film import CudaFilm
 from evimo.simulate.cuda_pixels import CudaPixels
 from evimo.simulate.film import steps
 from evimo.simulate.pixels import Pixels, blurred
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.prepared import filmed
 from evimo.simulate.recording import SLICE_S, SimulatedRecording, simulate_recording
 
@@ -96,7 +97,9 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
     for number in options.sets:
         start = time.perf_counter()
         recording = simulate_recording(
-            SEED + number, set_number=number, seconds=options.seconds, size=options.size, device="cuda"
+            RecordingPlan(
+                seed=SEED + number, set_number=number, seconds=options.seconds, size=options.size, device="cuda"
+            )
         )
         drawn = {"set": number, "drawing_s": time.perf_counter() - start, "slices": recording.slices}
         drawn |= agreement(recording, min(options.frames, COMPARED)) | rates(recording, options.frames, options.rounds)

@@ -173,13 +173,14 @@ def simulator(options: argparse.Namespace, report: dict[str, Any]) -> None:
     """Speed of the simulator on the GPU and agreement with the CPU, on one scene at a time while time is left."""
     from gpu import SEED, agreement, rates
 
+    from evimo.simulate.plan import RecordingPlan
     from evimo.simulate.recording import simulate_recording
 
     report["scenes"] = []
     for number in range(1, 7):
         if time.perf_counter() > options.end_s - ROOM_S:
             return
-        recording = simulate_recording(SEED + number, set_number=number, seconds=0.5, device="cuda")
+        recording = simulate_recording(RecordingPlan(seed=SEED + number, set_number=number, seconds=0.5, device="cuda"))
         found = agreement(recording, 4) | rates(recording, 128, 1)
         report["scenes"].append({"set": number, **found})
         print(report["scenes"][-1], flush=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from evimo.events.events import joined
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 SEED, SET, SECONDS, SIZE = 7000228, 4, 2.0, (180, 240)
@@ -19,7 +20,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("src/evimo/samples/tabletop.npz"))
     out: Path = parser.parse_args().out
-    recording = simulate_recording(SEED, set_number=SET, seconds=SECONDS, camera="random", size=SIZE)
+    recording = simulate_recording(
+        RecordingPlan(seed=SEED, set_number=SET, seconds=SECONDS, camera="random", size=SIZE)
+    )
     camera = recording.camera
     if not camera.is_pinhole:
         raise SystemExit("this seed has a lens, which the EV-IMO layout cannot hold")

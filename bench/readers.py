@@ -1,7 +1,9 @@
-"""Speed of every reader on the same made-up events: `python bench/readers.py [millions of events]`.
+"""Speed of every reader on the same made-up events: `python bench/readers.py [millions of events] [formats]`.
 
-Prints a table of million events per second: to open (the first pass, where a format needs one) and to read all.
-Best of three by processor time of this one process, after a warm-up; files are in the page cache.
+Prints a table of million events per second: to open (the first pass, where a format needs one) and to read all; beside
+it the fastest reader of others that is installed (`public_readers.py`), and a plain read of the same bytes, into memory
+that is new each time and from a file in the page cache: both by the events that they hold. Best of several by processor
+time of this one process, after a warm-up. FORMATS are beginnings of names, separated by semicolons.
 """
 
 import struct
@@ -10,16 +12,19 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag1 import Writer
+from bag_files import write_bag1, write_bag2
+from public_readers import readers_of
+from reader_files import write_aedat2, write_aedat3, write_dat, write_evt2, write_evt3, write_evt21
 
 from evimo.errors import EvimoWarning
 from evimo.events.events import Events
 from evimo.formats import open_events
 
-WIDTH, HEIGHT, RATE_PER_S, REPEATS, PART = 346, 260, 2_000_000, 3, 20_000
+WIDTH, HEIGHT, RATE_PER_S, REPEATS, PART = 346, 260, 2_000_000, 5, 20_000
 
 
 def made_up(count: int) -> Events:
@@ -57,6 +62,29 @@ def write_text(folder: Path, events: Events) -> Path:
     return folder / "a.txt"
 
 
+def write_csv(folder: Path, events: Events) -> Path:
+    """As pandas and Metavision write it, whole µs."""
+    columns = np.stack([events.t, events.x, events.y, events.p > 0], axis=1)
+    np.savetxt(folder / "a.csv", columns, fmt="%d", delimiter=",", header="t,x,y,p", comments="")
+    return folder / "a.csv"
+
+
+def write_hdf5(folder: Path, events: Events, *, packed: bool) -> Path:
+    """As DSEC stores it, with blosc or as plain arrays."""
+    import h5py
+    import hdf5plugin
+
+    how = {"chunks": (1 << 16,), **hdf5plugin.Blosc(cname="zstd", clevel=5)} if packed else {}
+    path = folder / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name, kind in (("x", "u2"), ("y", "u2"), ("t", "u4"), ("p", "u1")):
+            column = (events.p > 0) if name == "p" else getattr(events, name)
+            file.create_dataset(f"events/{name}", data=column.astype(kind), **how)
+        file["t_offset"] = 0
+        file["ms_to_idx"] = np.searchsorted(events.t, np.arange(0, events.t[-1] // 1000 + 1) * 1000)
+    return path
+
+
 def write_event_stream(folder: Path, events: Events) -> Path:
     """One byte of time step each: no two events are 127 µs apart."""
     stored = np.zeros(len(events), [("t", "u1"), ("x", "<u2"), ("y", "<u2")])
@@ -82,57 +110,32 @@ def write_aedat4(folder: Path, events: Events) -> Path:
     return folder / "a.aedat4"
 
 
-def write_bag(folder: Path, events: Events, *, encoding: str) -> Path:
-    """One message per PART events."""
-    path = folder / f"{encoding}.bag"
-    kind = "dvs_msgs/msg/EventArray" if encoding == "array" else "event_camera_msgs/msg/EventPacket"
-    with Writer(path) as writer:
-        topic = writer.add_connection("/events", kind, msgdef="Header header", md5sum="0" * 32)
-        for first in range(0, len(events), PART):
-            part = events.part(first, first + PART)
-            writer.write(topic, int(part.t[-1]) * 1000 + 1, MESSAGES[encoding](part))
-    return path
-
-
-def array_message(part: Events) -> bytes:
-    """A dvs_msgs/EventArray."""
-    stored = np.zeros(len(part), [("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
-    stored["x"], stored["y"], stored["p"] = part.x, part.y, part.p > 0
-    stored["s"], stored["ns"] = part.t // 1_000_000, part.t % 1_000_000 * 1000
-    return bytes(16) + struct.pack("<III", HEIGHT, WIDTH, len(part)) + stored.tobytes()
-
-
-def mono_message(part: Events) -> bytes:
-    """An EventPacket in the encoding mono."""
-    base = int(part.t[0]) * 1000
-    t, x, y = ((column.astype(np.uint64)) for column in (part.t * 1000 - base, part.x, part.y))
-    return packet_message(b"mono", base, (t | x << 32 | y << 48 | (part.p > 0).astype(np.uint64) << 63).tobytes())
-
-
-def evt3_message(part: Events) -> bytes:
-    """Every event with all its words: time high, time low, row, column."""
-    column = 2 << 12 | (part.p > 0).astype(np.uint16) << 11 | part.x
-    words = np.stack([8 << 12 | part.t >> 12 & 0xFFF, 6 << 12 | part.t & 0xFFF, part.y, column], axis=1)
-    return packet_message(b"evt3", 0, words.astype("<u2").tobytes())
-
-
-def packet_message(encoding: bytes, base: int, packed: bytes) -> bytes:
-    """An EventPacket as ROS 1 serialises it."""
-    head = struct.pack("<IIQQI", HEIGHT, WIDTH, 0, base, len(encoding)) + encoding
-    return bytes(16) + head + struct.pack("<?I", False, len(packed)) + packed
-
-
-MESSAGES = {"array": array_message, "mono": mono_message, "evt3": evt3_message}
 FORMATS: dict[str, Callable[[Path, Events], Path]] = {
     "EV-IMO npz, compressed": lambda folder, events: write_npz(folder, events, packed=True),
     "EV-IMO npz, stored": lambda folder, events: write_npz(folder, events, packed=False),
     "EVIMO2 folder": write_evimo2,
-    "text": write_text,
+    "text, seconds": write_text,
+    "CSV, µs": write_csv,
+    "HDF5 (DSEC, blosc)": lambda folder, events: write_hdf5(folder, events, packed=True),
+    "HDF5, plain": lambda folder, events: write_hdf5(folder, events, packed=False),
     "AEDAT 4 (LZ4)": write_aedat4,
+    "AEDAT 3": write_aedat3,
+    "AEDAT 2": write_aedat2,
+    "RAW, EVT 2.0": write_evt2,
+    "RAW, EVT 2.1": write_evt21,
+    "RAW, EVT 3.0": write_evt3,
+    "DAT": write_dat,
     "Event Stream": write_event_stream,
-    "ROS 1 bag, dvs_msgs": lambda folder, events: write_bag(folder, events, encoding="array"),
-    "ROS 1 bag, mono": lambda folder, events: write_bag(folder, events, encoding="mono"),
-    "ROS 1 bag, evt3": lambda folder, events: write_bag(folder, events, encoding="evt3"),
+    "ROS 1 bag, dvs_msgs": partial(write_bag1, encoding="array"),
+    "ROS 1 bag, mono": partial(write_bag1, encoding="mono"),
+    "ROS 1 bag, evt3": partial(write_bag1, encoding="evt3"),
+    "ROS 2 bag, db3, dvs_msgs": partial(write_bag2, encoding="array", storage="db3"),
+    "ROS 2 bag, db3, mono": partial(write_bag2, encoding="mono", storage="db3"),
+    "ROS 2 bag, db3, evt3": partial(write_bag2, encoding="evt3", storage="db3"),
+    "ROS 2 bag, mcap, dvs_msgs": partial(write_bag2, encoding="array", storage="mcap"),
+    "ROS 2 bag, mcap, evt3": partial(write_bag2, encoding="evt3", storage="mcap"),
+    "ROS 2 bag, mcap lz4, dvs_msgs": partial(write_bag2, encoding="array", storage="mcap lz4"),
+    "ROS 2 bag, mcap zstd, dvs_msgs": partial(write_bag2, encoding="array", storage="mcap zstd"),
 }
 
 
@@ -150,17 +153,51 @@ def speeds(path: Path, count: int) -> tuple[float, float]:
     return tuple(count * 1e-6 / min(times[1:]) for times in (opening, reading))
 
 
+def seconds(function: Callable[[], object]) -> float:
+    """The shortest of several runs, after one to warm up."""
+    times = []
+    for _ in range(REPEATS + 1):
+        start = time.process_time()
+        function()
+        times.append(time.process_time() - start)
+    return max(min(times[1:]), 1e-6)
+
+
+def fastest_public(name: str, path: Path, count: int) -> str:
+    """The fastest reader of others, in million events per second; those that fail or miss events do not count."""
+    found: list[tuple[float, str]] = []
+    for reader in readers_of(name):
+        try:
+            if abs(reader(path) - count) < 0.001 * count:
+                found.append((count * 1e-6 / seconds(lambda reader=reader: reader(path)), reader.__name__))
+        except Exception as error:
+            print(f"{reader.__name__}: {type(error).__name__}: {str(error)[:100]}", file=sys.stderr)
+    return "{:.1f} ({})".format(*max(found)) if found else "–"
+
+
+def plainly(path: Path) -> int:
+    """Read the bytes of a file, or of those in a folder."""
+    return sum(len(file.read_bytes()) for file in (path.iterdir() if path.is_dir() else [path]))
+
+
 def main() -> None:
     """Write, open and read each format."""
     events = made_up(int(float(sys.argv[1] if len(sys.argv) > 1 else 2) * 1e6))
+    wanted = tuple((sys.argv[2] if len(sys.argv) > 2 else "").split(";"))
     warnings.simplefilter("ignore", EvimoWarning)
-    print(f"| format | open, Mevents/s | read, Mevents/s | bytes per event |\n|---|{'---:|' * 3}")
+    print("| format | open | read | fastest of others | plain read | bytes per event |")
+    print(f"|---|{'---:|' * 5}")
     for name, write in FORMATS.items():
+        if not name.startswith(wanted):
+            continue
         with tempfile.TemporaryDirectory() as folder:
             path = write(Path(folder), events)
-            size = sum(file.stat().st_size for file in path.iterdir()) if path.is_dir() else path.stat().st_size
+            size = plainly(path)
             opening, reading = speeds(path, len(events))
-        print(f"| {name} | {opening:,.0f} | {reading:.1f} | {size / len(events):.1f} |", flush=True)
+            plain = len(events) * 1e-6 / seconds(lambda path=path: plainly(path))
+            others = fastest_public(name, path, len(events))
+        bytes_each = size / len(events)
+        print(f"| {name} | {opening:,.0f} | {reading:.1f} | {others} | {plain:,.0f} | {bytes_each:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

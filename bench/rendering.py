@@ -25,6 +25,7 @@ from evimo.scene.bodies import BOX, CYLINDER, ELLIPSOID, GRATING, Part, Scene
 from evimo.scene.meshes.bank import MeshBank
 from evimo.scene.renderer import Renderer
 from evimo.simulate.own_folders import OwnFolders
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 F8 = NDArray[np.float64]
@@ -46,7 +47,10 @@ def rendering_rows() -> Iterator[dict[str, Any]]:
         with TemporaryDirectory() as folder:
             write_meshes(Path(folder))
             for kind, own in (("", OwnFolders()), ("_meshes", OwnFolders(meshes=Path(folder)))):
-                films = (simulate_recording(SEED + k, set_number=k, seconds=SECONDS, size=SIZE, own=own) for k in SETS)
+                films = (
+                    simulate_recording(RecordingPlan(seed=SEED + k, set_number=k, seconds=SECONDS, size=SIZE, own=own))
+                    for k in SETS
+                )
                 yield from _rows([Renderer(film.scene, film.camera) for film in films], kind)
     finally:
         numba.set_num_threads(before)

@@ -23,6 +23,7 @@ from evimo.events.slices import SLICE_US
 from evimo.scene.renderer import Renderer
 from evimo.simulate.film import steps
 from evimo.simulate.pixels import Pixels, blurred
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.sensor import SensorSettings
 
@@ -105,7 +106,9 @@ def compared(reference: Events, found: Events) -> dict[str, float]:
 def rows(size: tuple[int, int], blur_px: float) -> Iterator[dict[str, Any]]:
     """One row per scene and way to sample."""
     for set_number, seed in SCENES:
-        film = simulate_recording(seed, set_number=set_number, seconds=0.5, camera="evimo", size=size)
+        film = simulate_recording(
+            RecordingPlan(seed=seed, set_number=set_number, seconds=0.5, camera="evimo", size=size)
+        )
         renderer = Renderer(film.scene, film.camera)
         middle_s = START_S + 0.5 * SLICE_S
         speed = np.linalg.norm(renderer.glance_flow(middle_s), axis=0) * film.camera.fx

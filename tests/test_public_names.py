@@ -1,11 +1,10 @@
-import importlib.util
 import subprocess
 import sys
 
 import pytest
 
 import evimo
-from evimo.errors import MissingExtra
+from evimo.errors import MissingExtra, how_to_install
 
 NAMES = {
     "Camera",
@@ -56,7 +55,7 @@ print('fine')
 
 def test_load_model_says_which_extra_it_needs(monkeypatch):
     monkeypatch.delitem(vars(evimo), "load_model", raising=False)
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr("evimo.errors.find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match="needs torch and safetensors") as raised:
         _ = evimo.load_model
-    assert raised.value.fix == 'pip install "evimo[train]"'
+    assert raised.value.fix == how_to_install("train")

@@ -5,9 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 from evimo.errors import BadInput
@@ -107,15 +105,10 @@ def test_what_a_disk_says_is_one_error_that_names_the_file(code, tmp_path):
     assert inside(tmp_path) == []
 
 
-def test_an_array_that_is_cut_short_is_the_disks_error(tmp_path):
-    with pytest.raises(BadInput, match=r"cannot write .*x\.npy"), new_file(tmp_path / "x.npy") as file:
-        np.save(file, np.zeros(3))
-        with Path("/dev/full").open("wb") as full:
-            np.zeros(1 << 16).tofile(full)
-    assert inside(tmp_path) == []
-
-
-@pytest.mark.parametrize("error", [BrokenPipeError(errno.EPIPE, "Broken pipe"), FileNotFoundError(2, "no", "/else")])
+@pytest.mark.parametrize(
+    "error",
+    [BrokenPipeError(errno.EPIPE, "Broken pipe"), FileNotFoundError(2, "no", "/else"), OSError("what a reader says")],
+)
 def test_errors_about_other_files_are_not_blamed_on_the_output(error, tmp_path):
     with pytest.raises(type(error)), new_file(tmp_path / "x.json"):
         raise error

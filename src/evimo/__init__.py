@@ -58,7 +58,9 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name in _TRAINING_ONLY:
-        _check_training_installed(name)
+        from evimo.errors import check_installed
+
+        check_installed(f"evimo.{name}", "torch", "safetensors", extra="train")
     found = getattr(import_module(_HOMES[name]), name)
     globals()[name] = found
     return found
@@ -66,12 +68,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
-
-
-def _check_training_installed(name: str) -> None:
-    from importlib.util import find_spec
-
-    from evimo.errors import MissingExtra
-
-    if missing := [module for module in ("torch", "safetensors") if find_spec(module) is None]:
-        raise MissingExtra(f"evimo.{name} needs {' and '.join(missing)}", fix='pip install "evimo[train]"')

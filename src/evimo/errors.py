@@ -1,7 +1,14 @@
 """What the user can fix: errors that say how, and the one kind of warning."""
 
+import json
+import sys
 from functools import partial
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 
 class EvimoError(Exception):
@@ -32,6 +39,47 @@ class BadInput(EvimoError):
 class MissingExtra(EvimoError):
     """An optional part of the package is not installed."""
 
+    def __init__(self, problem: str, *, extra: str = "", fix: str = "") -> None:
+        """Say how to install the extra of that name, unless `fix` says something else."""
+        super().__init__(problem, fix=fix or how_to_install(extra))
+
 
 class EvimoWarning(UserWarning):
     """Something in the input was left out or guessed; the message gives counts."""
+
+
+def check_installed(purpose: str, *modules: str, extra: str) -> None:
+    """Make sure that modules of an extra can be imported.
+
+    Raises:
+        MissingExtra: one cannot; `purpose` needs it.
+    """
+    if missing := [module for module in modules if find_spec(module) is None]:
+        raise MissingExtra(f"{purpose} needs {' and '.join(missing)}", extra=extra)
+
+
+def how_to_install(extra: str) -> str:
+    """The command that adds an extra such as `train`, from where this installation came from, to this environment."""
+    pip, source, folder = f'"{sys.executable}" -m pip install', *_source()
+    if folder is None:
+        return f'{pip} "evimo[{extra}]{source}"'
+    constraints = folder / "constraints.txt"
+    pinned = f' -c "{constraints}"' if constraints.is_file() else ""
+    return f'{pip}{pinned}{source} "{folder}[{extra}]"'
+
+
+def _source() -> tuple[str, Path | None]:
+    """What pip has to be told of where the package came from; and the folder that it was, if it still is there."""
+    try:
+        told = json.loads(distribution("evimo").read_text("direct_url.json") or "{}")
+    except PackageNotFoundError:  # run from a clone that was never installed
+        return " -e", Path(__file__).resolve().parents[2]
+    url = told.get("url", "")
+    if "vcs_info" in told:
+        return f" @ {told['vcs_info']['vcs']}+{url}@{told['vcs_info']['commit_id']}", None
+    path = Path(url2pathname(urlsplit(url).path)) if url.startswith("file:") else None
+    if path is None or not path.exists():
+        return f" @ {url}" if path is None and url else "", None
+    if path.is_file():
+        return f" @ {url}", None
+    return (" -e" if told.get("dir_info", {}).get("editable") else ""), path

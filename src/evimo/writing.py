@@ -206,16 +206,14 @@ def _check_free_of_folders(path: Path) -> None:
 
 def _is_about(error: OSError, path: Path) -> bool:
     """Whether an error says that a disk is full or gone, or names what is written: it, what is in it, where it is."""
-    if error.errno is None:
-        return type(error) is OSError  # NumPy's, of an array that was cut short
-    if errno.errorcode.get(error.errno) in DISK:
+    if errno.errorcode.get(error.errno or 0) in DISK:
         return True
     named = [Path(name) for name in (error.filename, error.filename2) if isinstance(name, str)]
     return any(path in (name, *name.parents) or name in path.parents for name in named)
 
 
 def _unwritable(path: Path, error: OSError, fix: str) -> BadInput:
-    return BadInput(f"cannot write {path}: {error.strerror or 'only a part of it could be written'}", fix=fix)
+    return BadInput(f"cannot write {path}: {error.strerror or error}", fix=fix)
 
 
 def _locked_folder(parent: Path) -> tuple[Path, BinaryIO]:

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from evimo.cli.info import info
+from evimo.cli.reading import Reading
 from evimo.errors import BadFile, BadInput
 
 
@@ -14,9 +15,9 @@ def recording(tmp_path):
 
 @pytest.mark.filterwarnings("ignore::evimo.errors.EvimoWarning")
 def test_info_prints_what_is_inside(recording, capsys):
-    info(recording, sensor="64x48")
+    info(recording, reading=Reading(sensor="64x48"))
     printed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
-    assert printed["format"] == "text (times in µs)"
+    assert printed["format"] == "text (times in µs, guessed)"
     assert printed["sensor"] == "64x48"
     assert printed["span"] == "1.000001 s"
     assert printed["events"] == "4"
@@ -41,7 +42,7 @@ def test_info_tells_camera_maps_and_meta(tmp_path, capsys):
 
 def test_info_of_bad_input_is_an_error_of_ours(recording, tmp_path):
     with pytest.raises(BadInput, match="346x260"):
-        info(recording, sensor="big")
+        info(recording, reading=Reading(sensor="big"))
     (tmp_path / "empty.es").write_bytes(b"")
     with pytest.raises(BadFile, match="empty"):
         info(tmp_path / "empty.es")
@@ -49,10 +50,10 @@ def test_info_of_bad_input_is_an_error_of_ours(recording, tmp_path):
 
 @pytest.mark.filterwarnings("ignore::evimo.errors.EvimoWarning")
 def test_info_tells_the_gyroscope(recording, tmp_path, capsys):
-    info(recording, sensor="64x48")
+    info(recording, reading=Reading(sensor="64x48"))
     assert "gyroscope    none\n" in capsys.readouterr().out
     t_us = 500 * np.arange(1000)
     rows = np.array([[0.0, 5, 6, 1], [0.5, 7, 8, 0]])
     np.savez(tmp_path / "a.npz", events=rows, sim_imu_t_us=t_us, sim_imu_gyro=np.zeros((1000, 3), np.float32))
-    info(tmp_path / "a.npz", sensor="64x48")
+    info(tmp_path / "a.npz", reading=Reading(sensor="64x48"))
     assert "gyroscope    1,000 samples, 2,000 Hz, in camera axes (a.npz, simulated)" in capsys.readouterr().out

@@ -43,7 +43,11 @@ def test_a_recording_becomes_video_tables_and_maps(recording, fake_network, tmp_
         "event_labels": False,
         "imu": "auto",
         "calibration": None,
+        "camera": None,
         "sensor": "32x24",
+        "time_unit": None,
+        "columns": None,
+        "topic": None,
     }
     assert [f"warning: {text}" for text in summary["warnings"]] == warned
 

@@ -8,7 +8,9 @@ import pytest
 import torch
 
 from evimo.cli import main
+from evimo.errors import how_to_install
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
+from evimo.simulate.plan import RecordingPlan
 from evimo.streaming.inference import Network
 
 LEFT = ["log.csv", "model.first.onnx", "model.onnx", "model.safetensors", "state.safetensors", "tensorboard"]
@@ -20,7 +22,8 @@ pytest.importorskip("tensorboard", reason="TensorBoard is not installed: it come
 def recordings(tmp_path_factory):
     """Two simulated recordings of 0.15 s and 64x48 px."""
     out = tmp_path_factory.mktemp("simulated")
-    plan = DatasetPlan(set_number=1, minutes=0.3 / 60, seed=3, seconds=0.15, camera="evimo", size=(48, 64))
+    first = RecordingPlan(seed=3, set_number=1, seconds=0.15, camera="evimo", size=(48, 64))
+    plan = DatasetPlan(first=first, minutes=0.3 / 60)
     assert len(list(simulate_dataset(plan, out))) == 2
     return out
 
@@ -119,4 +122,4 @@ def test_no_folder_at_all_is_one_clear_error(tmp_path, capsys):
 def test_without_torch_it_says_what_to_install(recordings, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "torch", None)
     assert main(["train", str(recordings), "--out", str(tmp_path / "run")]) == 2
-    assert "evimo[train]" in capsys.readouterr().err
+    assert how_to_install("train") in capsys.readouterr().err

@@ -14,6 +14,7 @@ from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.truth import ObjectTruth, Truth
 from evimo.recordings.writer import RecordingWriter
+from evimo.writing import MARKER
 
 SIZE = (24, 32)
 
@@ -121,7 +122,11 @@ def test_bad_input_is_one_clear_error(film, recording, tmp_path, monkeypatch, ca
     before = sorted(tmp_path.rglob("*"))
     words = [word.replace("TEXT", names["TEXT"]) if "TEXT" in word else names.get(word, word) for word in arguments]
     assert main(["view", *words]) == 2
-    said = [line for line in capsys.readouterr().err.splitlines() if not line.startswith(("warning: ", "rendering "))]
+    said = [
+        line
+        for line in capsys.readouterr().err.splitlines()
+        if not line.startswith(("warning: ", "rendering ", "compiling", "still"))
+    ]
     assert len(said) == 2
     assert said[0].startswith("error: ") and problem in said[0]
     assert said[1].startswith("  try: ")
@@ -133,7 +138,7 @@ def test_ctrl_c_leaves_a_complete_shorter_video(long_recording, tmp_path):
     command = [sys.executable, "-m", "evimo.cli", "view", str(long_recording), "--sensor", "32x24", "--out", str(out)]
     running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
-    while not any(file.stat().st_size for file in out.parent.glob(".*")) and time.monotonic() < deadline:
+    while not any(file.stat().st_size for file in out.parent.glob(f"{MARKER}*/v.mp4")) and time.monotonic() < deadline:
         assert running.poll() is None
         time.sleep(0.02)
     running.send_signal(signal.SIGINT)

@@ -20,6 +20,7 @@ from evimo.formats import open_events
 from evimo.formats.event_file import EventFile
 from evimo.scene.motion import Motion
 from evimo.simulate.pixels import Pixels
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import SimulatedRecording, simulate_recording
 from evimo.simulate.sensor import draw_sensor
 from evimo.writing import save_text
@@ -125,7 +126,7 @@ def in_normal_light(sensor: str, sets: tuple[int, ...], *, seconds: float) -> It
     """Recordings of these sets in turn, without end."""
     for seed in count(SEED):
         number = sets[seed % len(sets)]
-        recording = simulate_recording(seed, set_number=number, seconds=seconds, sensor=sensor)
+        recording = simulate_recording(RecordingPlan(seed=seed, set_number=number, seconds=seconds, sensor=sensor))
         if recording.settings.floor < 0.01:
             yield recording
 
@@ -148,7 +149,10 @@ def moving_statistics() -> list[EventStatistics]:
 @cache
 def swept_statistics() -> list[EventStatistics]:
     """Of whatever `evimo simulate --set all` makes: cameras move, and some scenes are dark."""
-    made = (simulate_recording(SEED + 4000 + k, set_number=k % 6 + 1, seconds=0.1) for k in range(RECORDINGS // 2))
+    made = (
+        simulate_recording(RecordingPlan(seed=SEED + 4000 + k, set_number=k % 6 + 1, seconds=0.1))
+        for k in range(RECORDINGS // 2)
+    )
     return [filmed(each) for each in made]
 
 

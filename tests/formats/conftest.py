@@ -1,5 +1,8 @@
 """Recordings written by other means than the readers', for their tests."""
 
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -29,6 +32,35 @@ def rows(packets):
     ]
 
 
+@pytest.fixture(name="some_events")
+def _some_events():
+    return some_events
+
+
 @pytest.fixture(name="rows")
 def _rows():
     return rows
+
+
+@pytest.fixture(name="some_events")
+def _some_events():
+    return some_events
+
+
+@pytest.fixture(scope="session")
+def encoded():
+    """The functions of evt_encoders.py, which pack Prophesee's words."""
+    return beside("evt_encoders")
+
+
+@pytest.fixture(scope="session")
+def ros2():
+    """The functions of ros2_bags.py, which write bags."""
+    return beside("ros2_bags")
+
+
+def beside(name):
+    spec = spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

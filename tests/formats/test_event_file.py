@@ -43,25 +43,18 @@ def test_packets_are_cut_to_the_half_open_span(rows):
 
 def test_reading_stops_with_the_span():
     def endless():
-        for at in range(10**9):
+        for at in range(0, 10**12, 10_000):
             yield packet([at])
 
-    made = EventFile(path=Path("x"), format="x", sensor=(48, 64), start_us=0, stop_us=10**9, read=lambda _: endless())
-    assert len(list(made.packets(0, 5))) == 5
+    made = EventFile(path=Path("x"), format="x", sensor=(48, 64), start_us=0, stop_us=10**12, read=lambda _: endless())
+    assert [t for part in made.packets(0, 50_000) for t in part.t] == [0, 10_000, 20_000, 30_000, 40_000]
 
 
-def test_disorder_inside_a_packet_is_sorted_with_one_warning(rows):
-    made = recording(packet([1, 5, 3, 4, 6]))
+def test_disorder_is_sorted_with_one_warning(rows):
+    made = recording(packet([1, 5, 3]), packet([4, 6]))
     with pytest.warns(EvimoWarning, match="2 events were out of order and sorted") as caught:
         assert [row[2] for row in rows(made)] == [1, 3, 4, 5, 6]
     assert len(caught) == 1 and made.faults.out_of_order == 2 and made.faults.dropped == 0
-
-
-def test_events_older_than_the_packet_before_are_dropped_with_one_warning(rows):
-    made = recording(packet([1, 5, 8]), packet([7, 8, 9]))
-    with pytest.warns(EvimoWarning, match="1 events older than the packet before them were dropped"):
-        assert [row[2] for row in rows(made)] == [1, 5, 8, 8, 9]
-    assert made.faults.late == 1
 
 
 def test_events_outside_the_sensor_are_dropped_with_one_warning(rows):
@@ -72,15 +65,17 @@ def test_events_outside_the_sensor_are_dropped_with_one_warning(rows):
 
 
 def test_all_faults_come_in_one_warning():
-    made = recording(packet([4, 2], x=[0, 0]), packet([3, 5], x=[0, 64]))
+    times = np.arange(0, 400_000, 1000)
+    times[10], times[399] = 8_500, 300_000
+    made = recording(packet(times), packet([400_000, 401_000], x=[0, 64]), stop=10**6)
     with pytest.warns(EvimoWarning) as caught:
         list(made)
     assert len(caught) == 1 and all(word in str(caught[0].message) for word in ("sorted", "older", "outside"))
 
 
-def test_a_recording_that_mostly_goes_back_in_time_is_refused():
-    with pytest.raises(BadFile, match="4 of 5 events are older"):
-        list(recording(packet([50]), packet([1, 2, 3, 4])))
+def test_a_recording_of_which_nothing_lies_on_the_sensor_is_refused():
+    with pytest.raises(BadFile, match="none of 2 events lies on a sensor of 64x48"):
+        list(recording(packet([1, 2], x=64)))
 
 
 def test_faults_count_one_pass():

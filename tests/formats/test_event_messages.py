@@ -1,7 +1,5 @@
 """Event encodings of event_camera_msgs, against sums that its own project publishes, and against words made by hand."""
 
-import csv
-import hashlib
 import sqlite3
 import struct
 
@@ -9,8 +7,8 @@ import numpy as np
 import pytest
 
 from evimo.events.events import joined
-from evimo.formats.event_message_kernel import decode_evt3, evt3_state
 from evimo.formats.event_messages import EventPacket, PacketDecoder
+from evimo.formats.evt3_messages import Evt3Messages
 
 
 def ros2_packet(raw):
@@ -41,7 +39,7 @@ def stored_events(path):
     decoder = PacketDecoder(path.name)
     with sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True) as database:
         messages = database.execute("select data from messages order by timestamp").fetchall()
-    return joined([decoder.decoded(ros2_packet(raw)) for (raw,) in messages])
+    return joined([*(decoder.decoded(ros2_packet(raw)) for (raw,) in messages), decoder.rest()])
 
 
 def sums(events):
@@ -74,59 +72,68 @@ def test_libcaer_wraps_inside_a_packet():
     assert (events.x.tolist(), events.y.tolist(), events.p.tolist()) == ([5, 5], [7, 7], [1, 1])
 
 
-def words(*codes):
+def test_a_damaged_libcaer_time_costs_itself():
+    lows = [5, 9, 2**31 - 7, 12, 3, 20]
+    packed = b"".join(struct.pack("<II", 1 << 17, low) for low in lows)
+    events = PacketDecoder("x").decoded(EventPacket((48, 64), 0, "libcaer", memoryview(packed)))
+    assert events.t[[0, 1, 3, 4, 5]].tolist() == [5, 9, 12, 3, 20]
+
+
+def evt3_words(*codes):
     return np.array([kind << 12 | value for kind, value in codes], np.uint16)
 
 
-def test_evt3_words_by_hand():
-    stream = words(
-        (2, 9),  # before any time: left out
-        (8, 3),
-        (6, 21),
-        (0, 40),
-        (2, 1 << 11 | 9),  # on at (9, 40)
-        (3, 1 << 11 | 16),
-        (4, 0b100000000001),  # on at 16 and 27
-        (5, 0b10),  # the base has moved on by 12: on at 29
-        (6, 22),
-        (10, 0),  # a trigger
-        (2, 63),  # off at (63, 40)
+def test_evt3_is_the_same_however_it_is_cut_into_messages(some_events, encoded, rows):
+    events = some_events(600, span_us=40_000)
+    stream, _ = encoded.evt3(events)
+    for seed in range(20):
+        cuts = np.sort(np.random.default_rng(seed).integers(0, len(stream), seed))
+        decode = Evt3Messages()
+        parts = [decode(part, 0) for part in np.split(stream, cuts)]
+        assert rows([*parts, decode.rest()]) == rows([events])
+
+
+def test_a_damaged_time_in_one_message_is_told_by_the_next(some_events, encoded, rows):
+    """The only TIME HIGH of a message is damaged: the message is lost, what comes after is not."""
+    events = some_events(400, span_us=40 << 12)
+    parts = [events.between(k << 12, (k + 1) << 12) for k in range(40)]
+    messages = [encoded.evt3(part)[0] for part in parts]
+    messages[20][0] ^= 1 << 9
+    decode = Evt3Messages()
+    found = [*(decode(message, 0) for message in messages), decode.rest()]
+    assert rows(found) == rows(parts[:20] + parts[21:])
+    assert sum(packet.lost for packet in found) == len(parts[20])
+
+
+def test_a_pause_longer_than_the_evt3_clock_is_counted_by_the_times_of_messages():
+    def message(t_us):
+        return evt3_words((8, t_us >> 12 & 0xFFF), (6, t_us & 0xFFF), (0, 1), (2, 1))
+
+    times = [3_000_000, 3_010_000, 63_000_000, 63_010_000]
+    decode = Evt3Messages()
+    found = [*(decode(message(t), t + 200) for t in times), decode.rest()]
+    assert [t for packet in found for t in packet.t.tolist()] == times
+
+
+def test_libcaer_cmp_words_by_hand():
+    """A message stands for itself: time and column begin anew; the high part of the time sets the low one aside."""
+    stream = evt3_words(
+        (2, 17),  # a column
+        (3, 1 << 11 | 40),  # on at (17, 40), at the base
+        (1, 21),
+        (3, 41),  # off at (17, 41), 21 µs later
+        (2, 18),
+        (4, 1 << 11 | 16),  # on, rows from 16
+        (5, 0b10000001),  # at 16 and 23
+        (5, 0b10),  # the base has moved on by 8: at 25
+        (0, 3),
+        (1, 5),
+        (3, 0),  # off at (18, 0), 3 * 4096 + 5 µs after the base
+        (6, 9),  # a kind that nobody uses
     )
-    x, y, t, p = decode_evt3(stream, evt3_state(0))
-    assert x.tolist() == [9, 16, 27, 29, 63]
-    assert y.tolist() == [40] * 5
-    assert t.tolist() == [3 * 4096 + 21] * 4 + [3 * 4096 + 22]
-    assert p.tolist() == [1, 1, 1, 1, -1]
-
-
-def test_evt3_state_goes_from_one_message_to_the_next():
-    stream = words((8, 3), (6, 21), (0, 40), (3, 16), (4, 3), (5, 1), (2, 5), (8, 4), (6, 0), (2, 6))
-    whole = decode_evt3(stream, evt3_state(0))
-    for cut in range(1, len(stream)):
-        state = evt3_state(0)
-        parts = decode_evt3(stream[:cut], state), decode_evt3(stream[cut:], state)
-        for column in range(4):
-            assert np.concatenate([part[column] for part in parts]).tolist() == whole[column].tolist()
-
-
-def test_evt3_clock_wraps_every_24_bits_and_starts_in_the_expected_round():
-    stream = words((8, 4095), (6, 0), (2, 1), (8, 4094), (6, 1), (2, 1), (8, 0), (6, 2), (2, 1))
-    t = decode_evt3(stream, evt3_state(0))[2]
-    assert t.tolist() == [4095 << 12, 4094 << 12 | 1, 1 << 24 | 2]
-    later = decode_evt3(stream, evt3_state(5 * (1 << 24) - 3000))[2]
-    assert (later - t).tolist() == [4 << 24] * 3
-
-
-def test_evt3_raw_file_has_the_expected_columns(shared_data):
-    raw = shared_data("formats/prophesee/evt3.raw").read_bytes()
-    while raw.startswith(b"%"):
-        raw = raw.split(b"\n", 1)[1]
-    x, y, t, p = decode_evt3(np.frombuffer(raw[: len(raw) // 2 * 2], "<u2"), evt3_state(0))
-    with shared_data("formats/expected_digests.csv").open() as table:
-        expected = {
-            row["field"]: row["sha3_224_of_the_column_bytes"]
-            for row in csv.DictReader(table)
-            if row["format"] == "evt3"
-        }
-    columns = {"t": t.astype("<u8"), "x": x, "y": y, "on": p > 0}
-    assert {name: hashlib.sha3_224(column.tobytes()).hexdigest() for name, column in columns.items()} == expected
+    message = EventPacket((48, 64), 7_000_400, "libcaer_cmp", memoryview(stream.astype("<u2").tobytes() + b"odd"[:1]))
+    events = PacketDecoder("x").decoded(message)
+    assert events.x.tolist() == [17, 17, 18, 18, 18, 18]
+    assert events.y.tolist() == [40, 41, 16, 23, 25, 0]
+    assert events.t.tolist() == [7000, 7021, 7021, 7021, 7021, 7000 + 3 * 4096 + 5]
+    assert events.p.tolist() == [1, -1, 1, 1, 1, -1]

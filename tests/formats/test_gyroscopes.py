@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 from evimo.errors import BadFile, EvimoWarning
 from evimo.formats import open_events
 from evimo.formats.aedat4_packets import head, packet_table
-from evimo.formats.rosbag1 import EventTopic
+from evimo.formats.bag_topics import EventTopic
 from evimo.recordings.writer import RecordingWriter
 from evimo.simulate.imu import ImuSettings
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 TYPES = get_typestore(Stores.ROS1_NOETIC)
@@ -146,15 +147,15 @@ def test_a_bag_whose_samples_are_cut_is_refused_and_one_without_has_none(tmp_pat
 
 def test_stamps_follow_events_that_are_in_the_sensors_own_clock():
     """In evt3 events begin near zero while stamps are absolute."""
-    topic = EventTopic(bag=None, connection=0, clocks_us=(1_600_000_000_000_000, 250_000))
+    topic = EventTopic(bag=None, topic=None, clocks_us=(1_600_000_000_000_000, 250_000))
     assert topic.of_stamp(1_600_000_000_100_000_000) == 350_000
-    shared = EventTopic(bag=None, connection=0, clocks_us=(1_600_000_000_000_000, 1_599_999_999_990_000))
+    shared = EventTopic(bag=None, topic=None, clocks_us=(1_600_000_000_000_000, 1_599_999_999_990_000))
     assert shared.of_stamp(1_600_000_000_100_000_000) == 1_600_000_000_100_000
 
 
 def test_a_simulated_camera_turns_by_what_its_gyroscope_says(tmp_path):
     """In camera axes: the mean over 25 ms is the change of the exact pose in them, but for bias and noise."""
-    film = simulate_recording(7, set_number=3, seconds=0.2, size=(33, 44))
+    film = simulate_recording(RecordingPlan(seed=7, set_number=3, seconds=0.2, size=(33, 44)))
     with RecordingWriter(tmp_path / "film", film.camera, poses=film.poses, imu=film.imu(ImuSettings())) as writer:
         for piece in film:
             writer.write(piece.events, piece.truth)

@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.formats import open_events
-from evimo.formats.bag_records import open_bag
+from evimo.formats.rosbag1 import open_bag
 
 TYPES = get_typestore(Stores.ROS1_NOETIC)
 PART, EPOCH_US = 100, 1_600_000_000_000_000

@@ -1,3 +1,4 @@
+import errno
 from dataclasses import replace
 
 import cv2
@@ -11,6 +12,7 @@ from evimo.recordings.prepared import open_prepared, prepare, recording_folders
 from evimo.recordings.recording import open_recording
 from evimo.recordings.truth import ObjectTruth
 from evimo.recordings.writer import RecordingWriter
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 SIZE = (48, 64)
@@ -26,7 +28,9 @@ def simulated(tmp_path_factory):
     def folder(camera):
         if camera not in made:
             path = tmp_path_factory.mktemp("recordings") / "recording"
-            film = replace(simulate_recording(3, set_number=1, seconds=0.1, size=SIZE), camera=camera)
+            film = replace(
+                simulate_recording(RecordingPlan(seed=3, set_number=1, seconds=0.1, size=SIZE)), camera=camera
+            )
             with RecordingWriter(path, camera) as writer:
                 for piece in film:
                     writer.write(piece.events, piece.truth, clutter_bodies=piece.clutter.astype(np.uint8))
@@ -187,11 +191,11 @@ def test_a_failure_leaves_nothing_behind(simulated, tmp_path, monkeypatch):
         (folder / file.name).symlink_to(file)
     before = sorted(folder.iterdir())
 
-    def full(path, values):
-        raise OSError("no space left")
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(module.np, "save", full)
+        patch.setattr(module, "_save_array", full)
         with pytest.raises(BadInput, match=f"cannot write {folder}"):
             prepare(folder)
     assert sorted(folder.iterdir()) == before

@@ -27,6 +27,7 @@ from evimo.simulate.cuda_film import CudaFilm, blurred_on_gpu
 from evimo.simulate.cuda_pixels import CudaPixels
 from evimo.simulate.film import Film
 from evimo.simulate.pixels import Pixels, blurred
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.prepared import filmed
 from evimo.simulate.recording import SimulatedRecording
 from evimo.simulate.sensor import SensorSettings
@@ -115,8 +116,10 @@ def compared(height: int, width: int) -> dict:
     stretch = np.linspace(0, 0.01, 5)
     films = [kind(renderer, NOISY, np.random.default_rng(2), start_s=0.0) for kind in (Film, CudaFilm)]
     found["film"] = [one.run(stretch, np.ones(renderer.cones.shape[:2], np.int32)) for one in films]
-    recording = SimulatedRecording(1, 1, 0.05, renderer.camera, renderer.scene, NOISY, 1)
-    found["prepared"] = [filmed(replace(recording, device=device)) for device in ("cpu", "cuda")]
+    recording = SimulatedRecording(RecordingPlan(seed=1, seconds=0.05), renderer.camera, renderer.scene, NOISY)
+    found["prepared"] = [
+        filmed(replace(recording, plan=replace(recording.plan, device=device))) for device in ("cpu", "cuda")
+    ]
     return found
 
 

@@ -13,6 +13,7 @@ import numba.cuda
 import numpy as np
 from numba.cuda.dispatcher import CUDADispatcher
 
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 CAPABILITY = (9, 0)  # H100 and H200
@@ -71,4 +72,5 @@ def kept_on_host():
 
 if __name__ == "__main__":
     kept_on_host()
-    list(replace(simulate_recording(1, set_number=2, seconds=0.05, size=(24, 32)), device="cuda"))
+    drawn = simulate_recording(RecordingPlan(seed=1, set_number=2, seconds=0.05, size=(24, 32)))
+    list(replace(drawn, plan=replace(drawn.plan, device="cuda")))

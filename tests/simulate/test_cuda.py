@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadInput
+from evimo.simulate.plan import RecordingPlan, told_plan
 from evimo.simulate.recording import simulate_recording
-from evimo.simulate.resuming import as_made
 
 PROGRAM = Path(__file__).with_name("both_processors.py")
 HAS_GPU = find_spec("numba_cuda") is not None and numba.cuda.is_available()
@@ -110,16 +110,16 @@ def test_training_reads_nearly_the_same_of_both(both):
 
 
 def test_recordings_of_another_device_are_told_apart():
-    assert as_made({"camera": {}})["device"] == "cpu"  # of before there was a choice
-    assert as_made({"camera": {}, "device": "cuda"})["device"] == "cuda"
+    assert told_plan({"camera": {}})["device"] == "cpu"  # of before there was a choice
+    assert told_plan({"camera": {}, "device": "cuda"})["device"] == "cuda"
 
 
 @pytest.mark.skipif(HAS_GPU, reason="there is a GPU")
 def test_without_a_gpu_the_device_is_refused_with_a_way_out():
     with pytest.raises(BadInput, match="--device cpu"):
-        simulate_recording(1, device="cuda")
+        simulate_recording(RecordingPlan(seed=1, device="cuda"))
 
 
 def test_other_devices_are_refused():
     with pytest.raises(BadInput, match="no device 'tpu'"):
-        simulate_recording(1, device="tpu")
+        simulate_recording(RecordingPlan(seed=1, device="tpu"))

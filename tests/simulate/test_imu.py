@@ -7,6 +7,7 @@ from evimo.recordings.recording import open_recording
 from evimo.recordings.writer import RecordingWriter
 from evimo.scene.motion import Motion, Throw, looking_at
 from evimo.simulate.imu import ImuSettings, measured
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 SILENT = ImuSettings(gyro_noise=0, accel_noise=0, gyro_walk=0, accel_walk=0, gyro_bias=0, accel_bias=0)
@@ -18,7 +19,7 @@ NORTHWARDS = looking_at(np.zeros(3), np.array([0.0, 1.0, 0.0]))  # level, in a w
 def stored(request, tmp_path_factory):
     """A recording on disk whose inertial unit is without errors."""
     seed, number = request.param
-    film = simulate_recording(seed, set_number=number, seconds=0.2, size=(33, 44))
+    film = simulate_recording(RecordingPlan(seed=seed, set_number=number, seconds=0.2, size=(33, 44)))
     folder = tmp_path_factory.mktemp("imu") / "film"
     with RecordingWriter(folder, film.camera, poses=film.poses, imu=film.imu(SILENT)) as writer:
         for piece in film:
@@ -113,7 +114,9 @@ def test_bias_at_the_start_has_the_stated_spread():
 
 
 def test_a_seed_gives_its_own_errors_again():
-    one, again, other = (simulate_recording(seed, seconds=0.1, size=(33, 44)).imu() for seed in (3, 3, 4))
+    one, again, other = (
+        simulate_recording(RecordingPlan(seed=seed, seconds=0.1, size=(33, 44))).imu() for seed in (3, 3, 4)
+    )
     for name, values in one.arrays().items():
         np.testing.assert_array_equal(values, again.arrays()[name])
     assert (one.gyro_bias[0] != other.gyro_bias[0]).all()

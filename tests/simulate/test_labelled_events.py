@@ -10,6 +10,7 @@ from evimo.scene.motion import Motion
 from evimo.scene.renderer import Renderer
 from evimo.scene.textures.bank import texture_bank
 from evimo.simulate.labelled_events import LabelledEvents
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import SimulatedRecording
 from evimo.simulate.sensor import SensorSettings
 
@@ -31,7 +32,7 @@ def recording():
     disc = Body((part(CYLINDER, (0.4, 0.4, 0.02), (0, 0, 0), 0.1),), way)
     scene = Scene((room, disc), Motion(np.zeros(3), np.eye(3)), np.array([0, 0, -1.0]), 0.5, bank)
     settings = SensorSettings(shot_hz=4.0, jitter_s=50e-6)
-    return SimulatedRecording(3, 1, 0.1, CAMERA, scene, settings, 1)
+    return SimulatedRecording(RecordingPlan(seed=3, seconds=0.1), CAMERA, scene, settings)
 
 
 def _steady(time_s):

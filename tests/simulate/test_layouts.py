@@ -13,6 +13,7 @@ from evimo.formats import open_events
 from evimo.recordings.recording import open_recording
 from evimo.scene.renderer import Renderer
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 ELSEWHERE = ("sim_facts", "sim_clutter", "sim_event_ids")  # files of their own in a folder
@@ -25,7 +26,7 @@ HOW = {"set_number": 3, "seconds": 0.1, "camera": "evimo", "size": (65, 86)}
 def seed():
     """The first one from which three objects are seen."""
     for seed in range(200):
-        recording = simulate_recording(seed, **HOW)
+        recording = simulate_recording(RecordingPlan(seed=seed, **HOW))
         ids = Renderer(recording.scene, recording.camera).truth(50_000).ids
         if all((ids == id_).sum() > 60 for id_ in (1, 2, 3)):
             return seed
@@ -33,7 +34,7 @@ def seed():
 
 
 def made(out, layout, seed):
-    plan = DatasetPlan(minutes=0.1 / 60, seed=seed, layout=layout, **HOW)
+    plan = DatasetPlan(first=RecordingPlan(seed=seed, **HOW), minutes=0.1 / 60, layout=layout)
     return next(iter(simulate_dataset(plan, out)))
 
 

@@ -10,8 +10,9 @@ import pytest
 from evimo.recordings.recording import open_recording
 from evimo.simulate.dataset import DatasetPlan, write_recording
 from evimo.simulate.pictures import pictures
+from evimo.simulate.plan import RecordingPlan
 
-PLAN = DatasetPlan(set_number=3, minutes=1, seed=8, seconds=0.1, size=(48, 64))
+PLAN = DatasetPlan(first=RecordingPlan(seed=8, set_number=3, seconds=0.1, size=(48, 64)), minutes=1)
 
 
 @pytest.mark.slow
@@ -30,7 +31,8 @@ def test_pictures_made_again_change_where_events_say_so(tmp_path):
 
 
 def test_pictures_are_of_this_very_recording_or_there_are_none(tmp_path):
-    plan = replace(PLAN, seconds=0.05, size=(33, 44), sensor="samsung")
+    first = replace(PLAN.first, seconds=0.05, size=(33, 44), sensor="samsung")
+    plan = replace(PLAN, first=first)
     folder = write_recording(plan, tmp_path, 7)
     path = folder / "dataset_info.json"
     stored = json.loads(path.read_text())

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 
 STEP_US = 200
@@ -17,7 +18,10 @@ def recording():
 
 def first(*, set_number, seconds, movers):
     """The first recording of a set with so many movers."""
-    drawn = (simulate_recording(seed, set_number=set_number, seconds=seconds, size=(33, 44)) for seed in range(60))
+    drawn = (
+        simulate_recording(RecordingPlan(seed=seed, set_number=set_number, seconds=seconds, size=(33, 44)))
+        for seed in range(60)
+    )
     return next(recording for recording in drawn if len(recording.scene.movers) in movers)
 
 

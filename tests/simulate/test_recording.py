@@ -9,6 +9,7 @@ from evimo.errors import BadInput
 from evimo.events.events import joined
 from evimo.recordings.flow import true_flow
 from evimo.scene.motion import Motion
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.sensor import SensorSettings
 
@@ -16,7 +17,7 @@ SIZE = (65, 86)
 
 
 def filmed(seed, **how):
-    return list(simulate_recording(seed, seconds=0.05, size=SIZE, **how))
+    return list(simulate_recording(RecordingPlan(seed=seed, seconds=0.05, size=SIZE, **how)))
 
 
 def test_the_same_seed_gives_the_same_recording():
@@ -40,7 +41,7 @@ def test_a_seed_still_means_what_it_meant(seed, number, count, sums, settings):
 
     The sums of columns, rows, times and ON events may differ in the last digits on another processor.
     """
-    recording = simulate_recording(seed, set_number=number, seconds=0.1, size=(33, 44))
+    recording = simulate_recording(RecordingPlan(seed=seed, set_number=number, seconds=0.1, size=(33, 44)))
     events = joined([piece.events for piece in recording])
     found = (events.x.sum(), events.y.sum(), events.t.sum(), (events.p > 0).sum())
     assert len(events) == pytest.approx(count, rel=0.01)
@@ -56,7 +57,7 @@ def test_other_seeds_and_sets_give_others():
 
 @pytest.mark.parametrize("number", range(1, 7))
 def test_slices_hold_their_own_events_and_truth_is_at_their_centres(number):
-    recording = simulate_recording(number, set_number=number, seconds=0.075, size=SIZE)
+    recording = simulate_recording(RecordingPlan(seed=number, set_number=number, seconds=0.075, size=SIZE))
     pieces = list(recording)
     assert len(pieces) == recording.slices == 3
     for k, piece in enumerate(pieces):
@@ -73,7 +74,9 @@ def test_slices_hold_their_own_events_and_truth_is_at_their_centres(number):
 def test_movers_are_seen():
     seen = [
         max((piece.truth.ids > 0).mean() for piece in recording)
-        for recording in (simulate_recording(s, set_number=3, seconds=0.125, size=SIZE) for s in range(6))
+        for recording in (
+            simulate_recording(RecordingPlan(seed=s, set_number=3, seconds=0.125, size=SIZE)) for s in range(6)
+        )
         if recording.scene.movers
     ]
     assert min(seen) > 0.002
@@ -95,7 +98,7 @@ def test_true_flow_makes_the_events_sharp():
     """Events, truth, lens and twists in one: only flow of the right size and sign gathers the events of an edge."""
     gains = []
     for seed in range(12):  # of a fast set: what moves less than a pixel tells little
-        recording = simulate_recording(seed, set_number=3, seconds=0.05, camera="evimo", size=SIZE)
+        recording = simulate_recording(RecordingPlan(seed=seed, set_number=3, seconds=0.05, camera="evimo", size=SIZE))
         grid = np.moveaxis(recording.camera.normalised(recording.camera.pixels())[0], -1, 0)
         piece = list(recording)[1]
         flow = true_flow(piece.truth, grid)
@@ -107,7 +110,7 @@ def test_true_flow_makes_the_events_sharp():
 
 
 def test_nothing_moves_nothing_fires():
-    recording = simulate_recording(0, set_number=1, seconds=0.05, size=SIZE)
+    recording = simulate_recording(RecordingPlan(seed=0, set_number=1, seconds=0.05, size=SIZE))
     pose = recording.scene.camera.at(np.zeros(1))
     still = tuple(body for body in recording.scene.bodies if body.motion is None)
     scene = replace(recording.scene, bodies=still, camera=Motion(pose.position[0], pose.rotation[0]))
@@ -121,4 +124,4 @@ def test_nothing_moves_nothing_fires():
 @pytest.mark.parametrize(("how", "message"), [({"set_number": 7}, "1 to 6"), ({"seconds": 0.01}, "0.025")])
 def test_impossible_recordings_are_refused(how, message):
     with pytest.raises(BadInput, match=message):
-        simulate_recording(0, **how)
+        simulate_recording(RecordingPlan(seed=0, **how))

@@ -15,6 +15,7 @@ from evimo.scene.drawing.toys import KINDS, UNSEEN
 from evimo.scene.textures.patterns import SIZE
 from evimo.simulate.cameras import EVIMO
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.replica import INDEX, ReplicaPlan, simulate_replica
 
@@ -28,14 +29,16 @@ def drawn():
         (
             sequence,
             simulate_recording(
-                sequence.seed,
-                set_number=sequence.set,
-                seconds=sequence.seconds,
-                camera="evimo",
-                size=(24, 32),
-                part=sequence.part,
-                room=sequence.room,
-                population="replica",
+                RecordingPlan(
+                    seed=sequence.seed,
+                    set_number=sequence.set,
+                    seconds=sequence.seconds,
+                    camera="evimo",
+                    size=(24, 32),
+                    part=sequence.part,
+                    room=sequence.room,
+                    population="replica",
+                )
             ),
         )
         for sequence in TINY.sequences
@@ -100,7 +103,9 @@ def test_a_recording_tells_its_population_background_and_which_objects_are_new(d
 
 def test_stress_scenes_tell_nothing_new_and_are_another_population():
     stress, replica = (
-        simulate_recording(3, set_number=4, seconds=0.1, size=(24, 32), part="test", population=population)
+        simulate_recording(
+            RecordingPlan(seed=3, set_number=4, seconds=0.1, size=(24, 32), part="test", population=population)
+        )
         for population in ("stress", "replica")
     )
     assert not stress.facts().keys() & {"population", "background", "objects", "objects_seen"}
@@ -118,15 +123,16 @@ def test_tables_of_a_replica_are_covered_with_streets(drawn):
 @pytest.mark.parametrize("population", ["easy", ""])
 def test_a_population_that_does_not_exist_is_refused(population):
     with pytest.raises(BadInput, match="stress, replica"):
-        simulate_recording(0, population=population)
+        simulate_recording(RecordingPlan(seed=0, population=population))
 
 
 def test_a_folder_takes_recordings_of_one_population(tmp_path):
-    how = {"set_number": 4, "minutes": 0.05 / 60, "seed": 3, "seconds": 0.05, "size": (24, 32), "camera": "evimo"}
-    (path,) = simulate_dataset(DatasetPlan(**how, population="replica", part="train"), tmp_path)
+    how = {"set_number": 4, "seconds": 0.05, "size": (24, 32), "camera": "evimo", "part": "train"}
+    plan = DatasetPlan(first=RecordingPlan(seed=3, population="replica", **how), minutes=0.05 / 60)
+    (path,) = simulate_dataset(plan, tmp_path)
     assert open_recording(path).meta["population"] == "replica"
     with pytest.raises(BadInput, match="population replica"):
-        next(simulate_dataset(DatasetPlan(**how, part="train"), tmp_path))
+        next(simulate_dataset(replace(plan, first=replace(plan.first, population="stress")), tmp_path))
 
 
 def test_a_floor_is_seen_from_above_and_a_wall_is_not(drawn):
@@ -204,4 +210,4 @@ def test_without_minutes_only_a_replica_knows_its_length(tmp_path):
 @pytest.mark.parametrize(("how", "message"), [({"part": "eval"}, "train, test"), ({"room": "wall"}, "boxes")])
 def test_parts_and_rooms_that_do_not_exist_are_refused(how, message):
     with pytest.raises(BadInput, match=message):
-        simulate_recording(0, **how)
+        simulate_recording(RecordingPlan(seed=0, **how))

@@ -7,6 +7,7 @@ import pytest
 from evimo.errors import BadInput
 from evimo.events.events import joined
 from evimo.formats import open_events
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import simulate_recording
 from evimo.simulate.sensor import SENSORS, SensorSettings, draw_sensor
 
@@ -49,12 +50,15 @@ def test_the_same_generator_draws_the_same_sensor():
     ],
 )
 def test_a_sensor_has_its_own_size_unless_another_is_asked_for(sensor, size):
-    assert simulate_recording(1, seconds=0.025, sensor=sensor, size=(33, 44)).camera.size == (33, 44)
+    assert simulate_recording(RecordingPlan(seed=1, seconds=0.025, sensor=sensor, size=(33, 44))).camera.size == (
+        33,
+        44,
+    )
     assert SENSORS[sensor].size == size
 
 
 def test_a_recording_without_size_has_the_sensors():
-    recording = simulate_recording(1, seconds=0.025, sensor="davis240")
+    recording = simulate_recording(RecordingPlan(seed=1, seconds=0.025, sensor="davis240"))
     assert recording.camera.size == (180, 240)
     assert recording.facts()["sensor_kind"] == "davis240"
 
@@ -75,7 +79,9 @@ def test_pixels_differ_as_real_clips_of_each_sensor_do():
 
 
 def test_a_samsungs_events_come_on_the_ticks_of_its_readout():
-    pieces = list(simulate_recording(7, set_number=3, seconds=0.075, sensor="samsung", size=(33, 44)))
+    pieces = list(
+        simulate_recording(RecordingPlan(seed=7, set_number=3, seconds=0.075, sensor="samsung", size=(33, 44)))
+    )
     t = np.concatenate([piece.events.t for piece in pieces])
     assert len(t) > 200
     assert (t % 100 == 0).all()

@@ -12,6 +12,7 @@ from evimo.scene.motion import Motion, random_rotation, wander
 from evimo.scene.renderer import Renderer
 from evimo.scene.textures.bank import TextureBank
 from evimo.simulate.pixels import blurred
+from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.poses import scene_poses
 from evimo.simulate.recording import simulate_recording
 from evimo.viewing.pixel_flow import PixelFlow
@@ -99,7 +100,7 @@ def test_6_twists_of_drawn_scenes_are_how_poses_change(number):
 
     The clock of a camera that rests for thousands of seconds is rounded to 2e-12 s.
     """
-    found = simulate_recording(7, set_number=number, seconds=2.0, size=(33, 44)).scene
+    found = simulate_recording(RecordingPlan(seed=7, set_number=number, seconds=2.0, size=(33, 44))).scene
     errors = np.concatenate([list(twist_errors(found, t_us)) for t_us in range(1000, 2_000_000, 49_999)])
     assert len(errors) >= 40
     assert (errors < 1e-8).mean() > 0.95

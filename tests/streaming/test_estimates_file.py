@@ -35,7 +35,16 @@ def test_what_is_written_is_read_back(tmp_path, count):
     file.close()
     with h5py.File(tmp_path / "maps.h5") as saved:
         assert saved.attrs["model"] == "tiny"
-        assert set(saved) == {"t_us", "ego", "moving_probability", "ids", "rel_depth", "confidence", "valid"}
+        assert set(saved) == {
+            "t_us",
+            "has_events",
+            "ego",
+            "moving_probability",
+            "ids",
+            "rel_depth",
+            "confidence",
+            "valid",
+        }
         assert all(saved[name].attrs["meaning"] for name in saved)
         assert saved["moving_probability"].dtype == saved["ids"].dtype == np.uint8
         assert saved["rel_depth"].dtype == np.float16

@@ -1,5 +1,8 @@
 import hashlib
+import os
 import shutil
+import subprocess
+import sys
 
 import numpy as np
 import onnx
@@ -140,3 +143,12 @@ def test_another_network_is_refused(tmp_path, fake_network):
 def test_a_folder_is_not_found(tmp_path):
     with pytest.raises(NotFound):
         Network(tmp_path)
+
+
+def test_the_runtime_reports_nothing_to_its_makers():
+    """Loaded without being told, it also complains where there is no home."""
+    code = "import os, evimo.streaming.inference as i; i._runtime(); print(os.environ['ORT_DISABLE_TELEMETRY'])"
+    env = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
+    env["HOME"] = "/nonexistent"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, check=True)
+    assert (done.stdout, done.stderr) == ("1\n", "")

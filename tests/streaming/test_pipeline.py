@@ -1,4 +1,5 @@
 import threading
+import time
 import warnings
 from dataclasses import replace
 from itertools import pairwise
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadInput, EvimoWarning
+from evimo.events.events import Events, joined
 from evimo.formats.event_file import FoundCamera
 from evimo.geometry.camera import Camera
 from evimo.streaming import pipeline
@@ -249,3 +251,41 @@ def test_estimates_may_be_kept(whole):
     """Buffers are reused inside; what is handed out is not."""
     assert not np.array_equal(whole[2].moving_probability, whole[-1].moving_probability)
     assert len({id(estimate.rel_depth) for estimate in whole}) == len(whole)
+
+
+def without(events, first, last):
+    """The events without those of slices first...last - 1, counted from the first whole one."""
+    begin = (int(events.t[0]) // 25_000 + 1 + first) * 25_000
+    at, till = np.searchsorted(events.t, (begin, begin + (last - first) * 25_000)).tolist()
+    return joined([events.part(0, at), events.part(till, len(events))])
+
+
+@pytest.mark.parametrize("event_labels", [False, True])
+def test_nothing_is_known_of_slices_without_events_and_no_network_is_asked(
+    discs, recorded, fake_network, camera, monkeypatch, event_labels
+):
+    asked = []
+    usual = Network.first
+    monkeypatch.setattr(Network, "first", lambda self, *given: asked.append(1) or usual(self, *given))
+    made = Run(recorded(without(discs, 6, 9)), Network(fake_network), camera=camera, event_labels=event_labels)
+    found = [estimate for estimate, _ in made.slices()]
+    empty = [number for number, each in enumerate(found) if not each.has_events]
+    assert empty == [7, 8, 9]
+    assert made.finder.without_events == len(empty) == len(found) - len(asked)
+    for number in empty:
+        assert not found[number].valid.any() and not found[number].objects and not found[number].ids.any()
+        assert np.isnan(found[number].ego).all()
+        assert not event_labels or not len(found[number].event_labels.objects)
+    assert all(np.isfinite(each.ego).all() and each.valid.any() for each in found if each.has_events)
+    before, after = ({thing.id for thing in found[number].objects} for number in (6, 10))
+    assert before and before == after  # 75 ms are within the memory of identities
+
+
+def test_silence_costs_nearly_nothing(discs, recorded, fake_network, camera):
+    """Twenty seconds of it, between half a second of events and one more event."""
+    late = discs.part(0, 1)
+    far = Events(late.x, late.y, late.t + 20_000_000, late.p)
+    begun_s = time.process_time()
+    estimates = list(run(recorded(joined([discs, far])), model=fake_network, camera=camera))
+    assert sum(not each.has_events for each in estimates) > 700
+    assert (time.process_time() - begun_s) / len(estimates) < 0.02

@@ -1,8 +1,10 @@
 import csv
+import sys
 
 import numpy as np
 import pytest
 
+from evimo.errors import BadInput
 from evimo.training.validation import validated
 
 pytest.importorskip("tensorboard", reason="TensorBoard is not installed: it comes with evimo[train]")
@@ -57,3 +59,25 @@ def test_a_picture_shows_events_truth_and_what_is_called(curves, recording, tiny
     np.testing.assert_array_equal(true > 0, world.moving[3][1::2, 1::2])
     assert 0.1 < (events > 0).mean() < 1
     assert set(np.unique(called)) <= {0, 255}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of files there")
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_full_disk_is_one_error_without_a_traceback(begun, curves, tmp_path, capsys):
+    """A limit of the size of files stands for the disk; `log.csv` is full first where a run goes on."""
+    import resource
+
+    if begun:
+        (tmp_path / "log.csv").write_text("step,loss\n" + "1,2.5\n" * 1000)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (7000, before[1]))
+    try:
+        with (
+            pytest.raises(BadInput, match=f"cannot write {tmp_path}/(tensorboard|log.csv): File too large"),
+            curves.open_curves(tmp_path, [], step=1) as these,
+        ):
+            for step in range(2, 100_000):
+                these.learned(step, {"loss": 2.5})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert capsys.readouterr().err == ""

@@ -1,7 +1,7 @@
 import itertools
 import os
 import signal
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 
@@ -53,8 +53,8 @@ def told(monkeypatch):
     class Found:
         event_t = (1,)
 
-    def simulate(seed, **how):
-        asked.append({"seed": seed, **how})
+    def simulate(plan):
+        asked.append(asdict(plan))
         return Found()
 
     monkeypatch.setattr(film_plan, "simulate_recording", simulate)

@@ -8,12 +8,13 @@ import warnings
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
-from typing import TextIO
+from typing import Any, TextIO
 
 from cyclopts import App, CycloptsError
 
-from evimo.cli.exit_codes import INTERRUPTED, WRONG_INPUT
-from evimo.errors import EvimoError, EvimoWarning
+from evimo.cli.boundary import outcome
+from evimo.compiling import announced
+from evimo.errors import BadInput, EvimoWarning
 
 COMMANDS = {
     "run": "Find moving objects, depth and motion in a recording.",
@@ -36,24 +37,36 @@ def app(wanted: str = "") -> App:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code: 0, 2 for what the user can fix, 130 after Ctrl-C.
+    """Run one command and return its exit code: 0; 2 for what the user can change; 1 for a bug; 128 + n after signal n.
 
     Args:
         arguments: as after the program's name; None takes those of the process.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
+    out: list[object] = []  # where the command writes
+
+    def command() -> object:
+        with _warnings_in_one_line(), announced(_say):
+            function, bound, _ = _parsed(arguments)
+            out.append(bound.arguments.get("out"))
+            return function(*bound.args, **bound.kwargs)
+
+    return outcome(command, place=lambda: out[0] if out else None)
+
+
+def _parsed(arguments: Sequence[str]) -> Any:
+    """The function to call and its arguments.
+
+    Raises:
+        BadInput: they are wrong.
+    """
     try:
-        with _warnings_in_one_line():
-            code = app(*arguments[:1])(arguments, exit_on_error=False, result_action="return_value")
-    except CycloptsError:  # it has printed what is wrong with the arguments
-        return WRONG_INPUT
-    except EvimoError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return WRONG_INPUT
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
-    return code if isinstance(code, int) else 0
+        return app(*arguments[:1]).parse_args(arguments, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        error.verbose = False
+        known = arguments[0] if arguments and arguments[0] in COMMANDS else ""
+        problem = " ".join(str(error).split())
+        raise BadInput(problem.rstrip("."), fix=f"evimo {known}{' ' if known else ''}--help") from error
 
 
 @contextmanager
@@ -74,12 +87,16 @@ def _warnings_in_one_line() -> Generator[None]:
             usual(message, category, filename, lineno, file, line)
         elif str(message) not in said:
             said.add(str(message))
-            print(f"warning: {message}", file=sys.stderr)
+            _say(f"warning: {message}")
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", EvimoWarning)
         warnings.showwarning = show
         yield
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr)
 
 
 def _version() -> str:

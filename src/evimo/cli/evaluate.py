@@ -72,9 +72,8 @@ def evaluate(
 
 def _show(report: Report, out: Path | None) -> None:
     """Print the report, and save it where that is wanted."""
-    console = Console()
-    Console(width=max(console.width, WIDTH)).print(as_rich(report))  # narrower, the tables fold into columns of letters
+    Console(width=max(Console().width, WIDTH)).print(as_rich(report))  # narrower, they fold into letters
     if out is not None:
         contents = {"report.json": report.as_json(), "report.csv": report.as_csv(), "report.md": as_markdown(report)}
         save_files(out, contents)
-        console.print(f"saved in {out}: report.json, report.md, report.csv")
+        print(f"saved in {out}: report.json, report.md, report.csv")

@@ -2,21 +2,19 @@
 
 from pathlib import Path
 
+from evimo.cli.reading import AS_TOLD, Reading
 from evimo.events.gyroscope import Gyroscope
-from evimo.formats import EventFile, FoundCamera, open_events
-from evimo.formats.event_file import fault_parts
-from evimo.formats.sensors import sensor_size
+from evimo.formats import EventFile, FoundCamera
 
 
-def info(file: Path, *, sensor: str | None = None) -> None:
+def info(file: Path, *, reading: Reading = AS_TOLD) -> None:
     """Print format, sensor, span, events, rate, polarity, order of timestamps, and what else is inside.
 
     Args:
         file: an event recording: a file, or an EVIMO2 folder.
-        sensor: width x height in pixels, as in 346x260, where the file does not tell.
+        reading: what the file does not tell.
     """
-    recording = open_events(file, sensor=sensor_size(sensor) if sensor else None)
-    for name, value in facts(recording).items():
+    for name, value in facts(reading.opened(file)).items():
         print(f"{name:<13}{value}")
 
 
@@ -41,6 +39,7 @@ def facts(recording: EventFile) -> dict[str, str]:
         "timestamps": _order(recording),
         "camera": _camera(recording.camera),
         "gyroscope": _gyroscope(recording.gyroscope()),
+        **({"topic": recording.topic} if recording.topic else {}),
         **recording.contents,
     }
 
@@ -48,8 +47,8 @@ def facts(recording: EventFile) -> dict[str, str]:
 def _order(recording: EventFile) -> str:
     """Whether timestamps are sorted; all faults of the pass, if there are any."""
     faults = recording.faults
-    sorted_or_not = "sorted" if faults.out_of_order + faults.late == 0 else "not sorted"
-    return "; ".join([sorted_or_not, *fault_parts(faults, recording.sensor)])
+    sorted_or_not = "not sorted" if faults.out_of_order + faults.late + faults.after_reset else "sorted"
+    return "; ".join([sorted_or_not, *faults.parts(recording.sensor)])
 
 
 def _gyroscope(gyroscope: Gyroscope | None) -> str:

@@ -1,5 +1,7 @@
-"""Progress on stderr: a bar on a terminal, a line now and then elsewhere."""
+"""Progress on stderr: a bar on a terminal, a line now and then elsewhere; how much, how fast, and how long still."""
 
+import os
+import shutil
 import sys
 import time
 from collections.abc import Generator
@@ -7,60 +9,104 @@ from contextlib import contextmanager
 from typing import Protocol
 
 EVERY_S = 10.0  # between lines where there is no terminal
+SHORTEST_S = 0.5  # before a rate is worth saying
+NARROW = 60  # columns, below which there is no room for a bar
 
 
 class Advance(Protocol):
-    """Called once for each finished slice."""
+    """Called as work is finished."""
 
-    def __call__(self) -> None:
-        """One more slice is done."""
+    def __call__(self, amount: float = 1, *, made: bool = True, facts: str = "") -> None:
+        """Count more finished units; those that were there before are not `made`, and tell nothing of the pace."""
         ...
 
 
 @contextmanager
-def progress(total: int) -> Generator[Advance]:
-    """Show slices/s and the time left of `total` slices while the `with` lasts."""
-    if not sys.stderr.isatty():
-        yield _lines(total)
+def progress(total: float, unit: str = "slices", *, silent: bool = False) -> Generator[Advance]:
+    """Show how many of `total` units are done, how many per second and the time left, while the `with` lasts."""
+    pace = Pace(total, unit)
+    if silent:
+        yield lambda amount=1, *, made=True, facts="": None
+        return
+    if not _is_terminal():
+        yield _lines(pace)
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TextColumn
+    from rich.table import Column
 
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[speed]}"), TimeRemainingColumn())
+    text = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="crop"))
+    columns = (text,) if shutil.get_terminal_size().columns < NARROW else (BarColumn(), text)
     with Progress(*columns, console=Console(stderr=True)) as bar:
-        task, rate = bar.add_task("slices", total=total, speed=""), _Rate()
+        task = bar.add_task(pace.words(), total=total or None)
 
-        def advance() -> None:
-            rate.add()
-            bar.update(task, advance=1, speed=f"{rate.per_s:.0f} slices/s")
+        def advance(amount: float = 1, *, made: bool = True, facts: str = "") -> None:
+            pace.add(amount, made=made)
+            bar.update(task, advance=amount, description=pace.words(facts))
 
         yield advance
 
 
-class _Rate:
-    """Finished slices over the time since the first one."""
+class Pace:
+    """Finished units, and those made here over the time since the first of them, which may have compiled."""
 
-    def __init__(self) -> None:
-        self.count, self._first_s = 0, 0.0
+    def __init__(self, total: float, unit: str) -> None:
+        self.total, self.unit = total, unit
+        self.done, self._made, self._first_s = 0.0, 0.0, 0.0
 
-    def add(self) -> None:
-        self._first_s = self._first_s or time.perf_counter()
-        self.count += 1
+    def add(self, amount: float, *, made: bool) -> None:
+        """Count finished units."""
+        self.done += amount
+        if made and not self._first_s:
+            self._first_s = time.perf_counter()
+        elif made:
+            self._made += amount
 
     @property
     def per_s(self) -> float:
-        return (self.count - 1) / max(time.perf_counter() - self._first_s, 1e-9)
+        """Units per second; 0 while that is not known."""
+        elapsed_s = time.perf_counter() - self._first_s
+        return self._made / elapsed_s if self._made and elapsed_s >= SHORTEST_S else 0.0
+
+    def words(self, facts: str = "") -> str:
+        """As `12 of 80 slices, 40.1 slices/s, 2 s left`."""
+        words = [f"{_plainly(self.done)} of {_plainly(self.total)} {self.unit}"]
+        if per_s := self.per_s:
+            words.append(f"{_rate(per_s)} {self.unit}/s")
+            if self.done < self.total:
+                words.append(f"{_duration((self.total - self.done) / per_s)} left")
+        return ", ".join([*words, facts] if facts else words)
 
 
-def _lines(total: int) -> Advance:
-    rate, said_s = _Rate(), time.perf_counter()
+def _plainly(amount: float) -> str:
+    return f"{amount:.3f}".rstrip("0").rstrip(".")
 
-    def advance() -> None:
+
+def _rate(per_s: float) -> str:
+    return f"{per_s:.1f}" if per_s >= 1 else f"{per_s:.2g}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    if seconds < 100 * 60:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h" if seconds < 100 * 3600 else f"{seconds / 86400:.0f} days"
+
+
+def _is_terminal() -> bool:
+    """Whether a bar can be drawn: not on a terminal that cannot move its cursor."""
+    return sys.stderr.isatty() and os.environ.get("TERM", "") not in ("dumb", "unknown")
+
+
+def _lines(pace: Pace) -> Advance:
+    said_s = time.perf_counter()
+
+    def advance(amount: float = 1, *, made: bool = True, facts: str = "") -> None:
         nonlocal said_s
-        rate.add()
-        if rate.count > 1 and time.perf_counter() - said_s >= EVERY_S:
-            said_s, per_s = time.perf_counter(), rate.per_s
-            left_s = (total - rate.count) / per_s
-            print(f"{rate.count} of {total} slices, {per_s:.1f} slices/s, {left_s:.0f} s left", file=sys.stderr)
+        pace.add(amount, made=made)
+        if pace.per_s and pace.done < pace.total and time.perf_counter() - said_s >= EVERY_S:
+            said_s = time.perf_counter()
+            print(pace.words(facts), file=sys.stderr)
 
     return advance

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from evimo.cli.progress import progress
+from evimo.cli.reading import AS_TOLD, Reading
 from evimo.errors import BadInput
 from evimo.evaluation.event_statistics import (
     EventStatistics,
@@ -19,7 +20,6 @@ from evimo.evaluation.event_statistics import (
 from evimo.evaluation.realism import Realism, Verdict, interval_grid_ms
 from evimo.evaluation.realism_tables import as_markdown, as_rich
 from evimo.formats import EventFile, open_events
-from evimo.formats.sensors import sensor_size
 from evimo.recordings.finding import recordings_in
 from evimo.viewing.charts import Axis, Curve, RatioRow, draw_curves, draw_ratios
 from evimo.viewing.colours import BACKDROP, NEGATIVE, OBJECTS, POSITIVE, RGB, Image
@@ -36,7 +36,7 @@ REAL_COLOURS: tuple[RGB, ...] = (REAL, OBJECTS[3], OBJECTS[0], OBJECTS[5])
 MOST_NAMED = 4
 
 
-def realism(*real: Path, simulated: Path, out: Path | None = None, sensor: str | None = None) -> None:
+def realism(*real: Path, simulated: Path, out: Path | None = None, reading: Reading = AS_TOLD) -> None:
     """Compare the statistics of simulated events with those of real recordings.
 
     Intervals between the events of one pixel, ON fraction, events per active pixel, isolated events, counts per pixel
@@ -46,24 +46,22 @@ def realism(*real: Path, simulated: Path, out: Path | None = None, sensor: str |
         real: event recordings, at best of the simulated sensor and of scenes of the simulated kind.
         simulated: a folder of recordings from evimo simulate, or one of them.
         out: where report.md, realism.json and realism.png go.
-        sensor: width x height of the real recordings in pixels, as in 346x260, where the files do not tell.
+        reading: what the files of the real recordings do not tell.
     """
     if not real:
         raise BadInput("no real recording given", fix="evimo realism REAL --simulated DIR")
-    size = sensor_size(sensor) if sensor else None
-    files = [open_events(path, sensor=size) for path in real]
+    files = [reading.opened(path) for path in real]
     made = [open_events(folder) for folder in recordings_in([simulated])]
     if out is not None:
         make_folder(out)
     with progress(sum(whole_slices(each) for each in (*files, *made))) as advance:
         compared = Realism(_statistics(files, advance), _statistics(made, advance))
-    console = Console()
-    Console(width=max(console.width, WIDTH)).print(as_rich(compared))  # narrower, the table folds into single letters
+    Console(width=max(Console().width, WIDTH)).print(as_rich(compared))  # narrower, it folds into letters
     if out is not None:
         picture = picture_file(drawn(compared), out / "realism.png")
         contents = {"report.md": as_markdown(compared), "realism.json": compared.as_json(), "realism.png": picture}
         save_files(out, contents)
-        console.print(f"saved in {out}: report.md, realism.json, realism.png")
+        print(f"saved in {out}: report.md, realism.json, realism.png")
 
 
 def _statistics(files: Sequence[EventFile], advance: Callable[[], None]) -> list[EventStatistics]:

@@ -1,16 +1,14 @@
 """`evimo run`: the main job, from a recording to a video, tables and maps."""
 
-import signal
-import sys
 import warnings
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal
 
-from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
+from evimo.cli.reading import AS_TOLD, Reading
+from evimo.cli.stopping import Request, Stopped, asked_to_stop
 from evimo.errors import BadInput, EvimoWarning
 
 if TYPE_CHECKING:
@@ -25,7 +23,8 @@ def run(
     *,
     model: str = "small",
     calibration: Path | None = None,
-    sensor: str | None = None,
+    camera: str | None = None,
+    reading: Reading = AS_TOLD,
     out: Path | None = None,
     start: float = 0.0,
     stop: float | None = None,
@@ -44,9 +43,10 @@ def run(
     Args:
         recording: an event file of any known format; `evimo info` says what is inside.
         model: a preset's name, or an .onnx file.
-        calibration: of the camera: kalibr YAML, EV-IMO calib.txt or DV XML. Without it what the recording says of
-            itself, else a guess.
-        sensor: its size as WxH, where the file does not tell.
+        calibration: of the camera: a file by kalibr, ROS, OpenCV, Metavision or DV, among others. Without it what the
+            recording says of itself, else a guess.
+        camera: its name in the calibration file, where that holds several that fit.
+        reading: what the recording does not tell.
         out: folder of the results; out/NAME by default. Files of the same name are replaced once the new ones are
             complete.
         start: seconds after the first event. Slices lie on the recording's own clock and do not move with it.
@@ -61,20 +61,22 @@ def run(
     """
     if not 0 < video_speed <= 100:
         raise BadInput(f"a video {video_speed:g} times as fast", fix="--video-speed between 0 and 100, as in 0.25")
+    if camera and not calibration:
+        raise BadInput(f"--camera {camera} names a camera of a calibration file", fix="--calibration FILE")
     with _heard_warnings() as heard:
         how = {"start_s": start, "stop_s": stop, "event_labels": event_labels, "imu": imu}
-        prepared = _prepared(recording, sensor, model=model, calibration=calibration, how=how)
+        prepared = _prepared(recording, reading, model=model, calibration=(calibration, camera), how=how)
         from evimo.streaming.saving import Wanted, save_run
 
         dense = prepared.span.length_s < SHORT_S if dense is None else dense
         wanted = Wanted(dense=dense, video_speed=video_speed if video else None)
-        settings = how | {"calibration": calibration and calibration.name, "sensor": sensor}
-        with _controlled(len(prepared.span), heard) as control:
+        settings = how | {"calibration": calibration and calibration.name, "camera": camera} | reading.settings
+        with _controlled(len(prepared.span), heard) as (control, request):
             saved = save_run(prepared, out or _default_folder(recording), wanted, settings=settings, control=control)
     if saved is None:
-        raise KeyboardInterrupt
+        raise Stopped(request.number)
     print(_told(saved))
-    return INTERRUPTED if saved.summary["interrupted"] else 0
+    return Stopped(request.number).code if saved.summary["interrupted"] else 0
 
 
 def _default_folder(recording: Path) -> Path:
@@ -82,21 +84,23 @@ def _default_folder(recording: Path) -> Path:
 
 
 def _prepared(
-    recording: Path, sensor: str | None, *, model: str, calibration: Path | None, how: dict[str, Any]
+    recording: Path, reading: Reading, *, model: str, calibration: tuple[Path | None, str | None], how: dict[str, Any]
 ) -> "Run":
-    """The run over a recording, everything checked that can be before it starts; `how` as in `Run`."""
-    from evimo.formats.opening import open_events
-    from evimo.formats.sensors import sensor_size
+    """The run over a recording, everything checked that can be before it starts.
+
+    `calibration` is a file and the camera's name in it; `how` as in `Run`.
+    """
     from evimo.streaming.inference import Network
     from evimo.streaming.pipeline import Run
 
     network = Network(model)
-    events = open_events(recording, sensor=sensor_size(sensor) if sensor else None)
+    events = reading.opened(recording)
+    file, name = calibration
     camera = None
-    if calibration:
+    if file:
         from evimo.geometry.calibration import load_camera
 
-        camera = load_camera(calibration, size=events.sensor)
+        camera = load_camera(file, size=events.sensor, topic=events.topic, camera=name)
     return Run(events, network, camera=camera, **how)
 
 
@@ -119,24 +123,18 @@ def _heard_warnings() -> Generator[list[str]]:
 
 
 @contextmanager
-def _controlled(total: int, heard: list[str]) -> Generator["Control"]:
-    """Progress for each slice; the first Ctrl-C asks the run to stop, the second one breaks it off."""
+def _controlled(total: int, heard: list[str]) -> Generator[tuple["Control", Request]]:
+    """Progress for each slice, and the request to stop early."""
     from evimo.streaming.saving import Control
 
     control = Control(warnings=heard)
 
-    def ask_to_stop(number: int, frame: FrameType | None) -> None:
+    def stop() -> None:
         control.stopped = True
-        signal.signal(signal.SIGINT, before)
-        print("stopping after this slice; Ctrl-C again to give up", file=sys.stderr)
 
-    before = signal.signal(signal.SIGINT, ask_to_stop)
-    try:
-        with progress(total) as advance:
-            control.finished_slice = advance
-            yield control
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with asked_to_stop("slice", stop) as request, progress(total) as advance:
+        control.finished_slice = advance
+        yield control, request
 
 
 def _told(saved: "Saved") -> str:

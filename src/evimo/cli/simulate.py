@@ -2,14 +2,11 @@
 
 import re
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
-from rich.text import Text
-
-from evimo.errors import BadInput
+from evimo.cli.progress import progress
+from evimo.errors import BadInput, check_installed
 from evimo.writing import make_folder
 
 if TYPE_CHECKING:
@@ -17,6 +14,7 @@ if TYPE_CHECKING:
     from evimo.simulate.own_folders import OwnFolders
     from evimo.simulate.replica import ReplicaPlan
 
+SIMULATING = ("scipy", "skimage", "trimesh")
 REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers, --device"
 
 
@@ -68,55 +66,46 @@ def simulate(
             needs evimo[cuda], and its events differ a little from the CPU's.
         replica: of EV-IMO; takes minutes, seed, size, workers, device and both folders, none of the other choices.
     """
+    check_installed("simulating", *SIMULATING, extra="simulate")
     from evimo.simulate.film import check_device
     from evimo.simulate.own_folders import OwnFolders
     from evimo.simulate.workers import check_workers
 
     check_device(device)
     check_workers(workers)
-    own = OwnFolders(texture_dir, mesh_dir)
+    own, pixels = OwnFolders(texture_dir, mesh_dir), _size(size)
     if replica:
         given = (set, sensor, seconds, camera, layout, events, population, part)
         if given != ("all", "davis346", 1.0, None, "evimo2", None, "stress", None):
             raise BadInput("a replica has its own sets, sensor, camera and lengths", fix=REPLICA_TAKES)
         from evimo.simulate.replica import MINUTES, ReplicaPlan
 
-        minutes = MINUTES if minutes is None else minutes
-        replica_plan = ReplicaPlan(minutes=minutes, seed=seed, size=_size(size), own=own, device=device)
-        _write_replica(replica_plan, out, workers)
+        length = MINUTES if minutes is None else minutes
+        _write_replica(ReplicaPlan(minutes=length, seed=seed, size=pixels, own=own, device=device), out, workers)
         return
     if minutes is None:
         raise BadInput("no length", fix="--minutes M, or --replica")
     from evimo.simulate.dataset import DatasetPlan
+    from evimo.simulate.plan import RecordingPlan, camera_of
 
-    plan = DatasetPlan(
-        set_number=_set_number(set),
-        minutes=minutes,
-        seed=seed,
-        seconds=seconds,
-        camera=camera or ("evimo" if population == "replica" else "random"),
-        sensor=sensor,
-        size=_size(size),
-        layout=layout,
-        events=events,
-        part=part,
-        own=own,
-        device=device,
-        population=population,
+    made = {"sensor": sensor, "camera": camera or camera_of(population), "population": population, "device": device}
+    first = RecordingPlan(
+        seed=seed, set_number=_set_number(set), seconds=seconds, size=pixels, part=part, own=own, **made
     )
+    plan = DatasetPlan(first=first, minutes=minutes, every_set=set == "all", layout=layout, events=events)
     _write_dataset(plan, out, workers)
 
 
 def _write_dataset(plan: "DatasetPlan", out: Path, workers: int) -> None:
     from evimo.simulate.dataset import simulate_dataset
 
-    _read(plan.own)
+    _read(plan.first.own)
     make_folder(out)
-    columns = (TextColumn("simulate"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
-    with Progress(*columns) as progress:
-        task = progress.add_task("recordings", total=plan.recordings)
-        for _ in simulate_dataset(plan, out, workers=workers):
-            progress.advance(task)
+    there = sum(plan.is_complete(out, seed) for seed in plan.seeds)
+    with progress(len(plan.seeds), "recordings") as advance:
+        for number, _ in enumerate(simulate_dataset(plan, out, workers=workers)):
+            advance(made=number >= there)
+    print(f"{len(plan.seeds)} recordings in {out}, {len(plan.seeds) - there} of them made now")
 
 
 def _read(own: "OwnFolders") -> None:
@@ -127,41 +116,22 @@ def _read(own: "OwnFolders") -> None:
 
 
 def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
-    """Show seconds of recording made, how fast, and the time left: by the bar, or a line each without a terminal."""
     from evimo.simulate.replica import simulate_replica
 
-    sequences = plan.sequences
     _read(plan.own)
     make_folder(out)
-    total_s = sum(sequence.seconds for sequence in sequences)
-    present = {sequence.path for sequence in sequences if (out / sequence.path).exists()}
-    begun, made_s, done_s = time.perf_counter(), 0.0, 0.0
-    with Progress(TextColumn("replica"), BarColumn(), TextColumn("{task.fields[said]}")) as progress:
-        task = progress.add_task("", total=total_s, said=f"{total_s:.0f} s")
+    present = {sequence.path for sequence in plan.sequences if (out / sequence.path).exists()}
+    with progress(round(sum(sequence.seconds for sequence in plan.sequences), 3), "s of recording") as advance:
         for sequence in simulate_replica(plan, out, workers=workers):
-            done_s += sequence.seconds
-            made_s += 0 if sequence.path in present else sequence.seconds
-            said = f"{done_s:.0f} of {total_s:.0f} s"
-            if made_s:
-                per_s = made_s / (time.perf_counter() - begun)
-                said += f", {per_s:.3f} s of recording per s, {(total_s - done_s) / per_s / 60:.1f} min left"
-            progress.update(task, advance=sequence.seconds, said=said)
-            if made_s and not progress.console.is_terminal:
-                progress.console.print(f"{sequence.path}: {said}", soft_wrap=True)
-
-
-class _Rate(ProgressColumn):
-    """Recordings per second."""
-
-    def render(self, task) -> Text:  # type: ignore[no-untyped-def]
-        speed = task.finished_speed or task.speed
-        return Text(f"{speed:.2f} recordings/s" if speed else "", style="progress.data.speed")
+            advance(sequence.seconds, made=sequence.path not in present, facts=sequence.path)
+    print(f"{len(plan.sequences)} recordings in {out}, {len(plan.sequences) - len(present)} of them made now")
 
 
 def _set_number(text: str) -> int:
+    """The set that is asked for; of all of them the first."""
     if text != "all" and text not in tuple("123456"):
         raise BadInput(f"no set {text!r}", fix="a set from 1 to 6, or all")
-    return 0 if text == "all" else int(text)
+    return 1 if text == "all" else int(text)
 
 
 def _size(text: str | None) -> tuple[int, int] | None:

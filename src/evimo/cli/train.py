@@ -2,15 +2,14 @@
 
 import os
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
-from importlib.util import find_spec
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from evimo.errors import MissingExtra
+from evimo.cli.progress import Advance, progress
+from evimo.errors import check_installed
 from evimo.writing import make_folder
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def train(
     Leaves `model.safetensors` (averaged weights with their configuration), `model.onnx` with `model.first.onnx` (to
     run), `log.csv`, `validation.csv` and curves for TensorBoard in the output folder. Each recording is brought into
     its rectified image once, in a folder inside it. Several processes, each with its share of every batch, on one
-    machine or several that see the same folders: `torchrun --nproc-per-node N -m evimo.cli train ...`.
+    machine or several that see the same folders: `torchrun --nproc-per-node N -m evimo train ...`.
 
     Args:
         data: folders of recordings made by `evimo simulate`.
@@ -76,8 +75,7 @@ def train(
         simulate=tuple(name.strip() for name in simulate.split(",") if name.strip()),
         samples_per_slice=samples_per_slice,
     )
-    if find_spec("torch") is None or find_spec("tensorboard") is None:
-        raise MissingExtra("training needs torch and tensorboard", fix='pip install "evimo[train]"')
+    check_installed("training", "torch", "tensorboard", "scipy", "skimage", extra="train")
     from evimo.training.start import Workplace
 
     workers = workers or max(1, (os.cpu_count() or 2) - 1)
@@ -93,37 +91,43 @@ def _train(
     *,
     validation: tuple[list[Path], int],
 ) -> None:
-    """Prepare, train, export, with a bar for each."""
+    """Prepare, train and export, and show how far each is."""
     from evimo.model.export import export
     from evimo.training.start import started
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
     silent = os.environ.get("RANK", "0") != "0"  # of several processes one talks
-    with Progress(*columns, TextColumn("{task.fields[facts]}"), disable=silent) as progress:
+    with (
+        _preparing(silent) as prepared,
+        started(data, start[0], config, workplace, grown_from=start[1], progress=prepared) as trainer,
+        progress(config.steps, "steps", silent=silent) as advance,
+    ):
+        advance(trainer.step, made=False)
 
-        def prepared(done: int, total: int) -> None:
-            progress.update(preparing, completed=done, total=total)
+        def show(step: int, terms: dict[str, float]) -> None:
+            pace = trainer.pace
+            advance(facts=f"loss {terms['loss']:.3f}, {pace.samples_per_s:.1f} samples/s, {pace.waited:.0%} waiting")
 
-        preparing = progress.add_task("prepare", total=None, facts="")
-        with started(data, start[0], config, workplace, grown_from=start[1], progress=prepared) as trainer:
-            progress.remove_task(preparing)
-            steps_task = progress.add_task("train", total=config.steps, completed=trainer.step, facts="")
-
-            def show(step: int, terms: dict[str, float]) -> None:
-                pace = trainer.pace
-                facts = f"loss {terms['loss']:.3f}, {pace.samples_per_s:.1f} samples/s, {pace.waited:.0%} waiting"
-                progress.update(steps_task, completed=step, facts=facts)
-
-            with _noted(trainer, *validation, show) as report:
-                trainer.run(report)
+        with _noted(trainer, *validation, show) as report:
+            trainer.run(report)
     if not trainer.team.rank:
         export(trainer.averaged(), workplace.out / "model.onnx")
+        print(f"saved in {workplace.out}: model.safetensors, model.onnx, model.first.onnx")
+
+
+@contextmanager
+def _preparing(silent: bool) -> Generator[Callable[[int, int], None]]:
+    """Shows how many recordings are prepared, of how many, from the first to the last of them."""
+    with ExitStack() as bar:
+        shown: list[Advance] = []
+
+        def prepared(done: int, total: int) -> None:
+            if not shown:
+                shown.append(bar.enter_context(progress(total, "recordings prepared", silent=silent)))
+            shown[0]()
+            if done == total:
+                bar.close()
+
+        yield prepared
 
 
 @contextmanager

@@ -1,21 +1,21 @@
 """`evimo view`: a recording as a video, and what really happened in it where that is known."""
 
 import math
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Generator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evimo.cli.exit_codes import INTERRUPTED
 from evimo.cli.progress import progress
-from evimo.errors import BadInput, EvimoWarning, NotFound
+from evimo.cli.reading import AS_TOLD, Reading
+from evimo.cli.simulate import SIMULATING
+from evimo.cli.stopping import Stopped, asked_to_stop
+from evimo.errors import BadInput, EvimoWarning, MissingExtra, NotFound, check_installed
 
 if TYPE_CHECKING:
     from evimo.events.slices import Slice
@@ -38,7 +38,7 @@ def view(
     speed: float = 0.25,
     start: float = 0.0,
     stop: float | None = None,
-    sensor: str | None = None,
+    reading: Reading = AS_TOLD,
     picture: bool = True,
 ) -> int:
     """Show a recording as a video.
@@ -54,7 +54,7 @@ def view(
         speed: of the video, 1 being real time; the default is slow enough to watch single slices.
         start: seconds after the recording's beginning. Slices lie on its own clock and do not move with it.
         stop: seconds after the recording's beginning.
-        sensor: its size as WxH, where the file does not tell.
+        reading: what the recording does not tell.
         picture: render what the camera saw; it takes most of the time.
     """
     if not 0 < speed <= 100:
@@ -65,9 +65,13 @@ def view(
     out, fps = out or _default_file(recording), speed * 1e6 / SLICE_US
     every = max(1, math.ceil(fps / FASTEST_FPS))
     with whole_video(out, fps=fps / every) as video:
-        events, span, draw = _prepared(recording, sensor, span_s=(start, stop), picture=picture)
+        events, span, draw = _prepared(recording, reading, span_s=(start, stop), picture=picture)
         count, done = 0, 0
-        with _stopping() as stopped, progress(len(span)) as advance, closing(_slices(events, span)) as slices:
+        with (
+            asked_to_stop("frame") as request,
+            progress(len(span)) as advance,
+            closing(_slices(events, span)) as slices,
+        ):
             for part in slices:
                 image = draw(part) if (part.index - span.first) % every == 0 else None
                 if image is not None:
@@ -75,15 +79,15 @@ def view(
                     count += 1
                 done += 1
                 advance()
-                if stopped:
+                if request:
                     break
-        if stopped and not count:
-            raise KeyboardInterrupt
+        if request and not count:
+            raise Stopped(request.number)
         if not count:
             raise BadInput(f"nothing is known of {recording} in this span", fix="another --start or --stop")
     early = done < len(span)
     print(f"{'stopped early: ' if early else ''}{count} frames, {done * SLICE_US * 1e-6:g} s of recording\n  {out}")
-    return INTERRUPTED if early else 0
+    return Stopped(request.number).code if early else 0
 
 
 def _default_file(recording: Path) -> Path:
@@ -92,7 +96,7 @@ def _default_file(recording: Path) -> Path:
 
 
 def _prepared(
-    path: Path, sensor: str | None, *, span_s: tuple[float, float | None], picture: bool
+    path: Path, reading: Reading, *, span_s: tuple[float, float | None], picture: bool
 ) -> tuple["EventFile", "Span", Drawer]:
     """The events, the slices to show and how to draw one; everything checked that can be before it starts."""
     from evimo.recordings.recording import knows_truth, open_recording
@@ -102,11 +106,9 @@ def _prepared(
         recording = open_recording(path)
         span = span_of(_lasting(recording), start_s=span_s[0], stop_s=span_s[1])
         return recording.events, span, _truth_drawer(recording, _light(recording) if picture else None)
-    from evimo.formats.opening import open_events
-    from evimo.formats.sensors import sensor_size
     from evimo.viewing.event_panel import EventPanel
 
-    events = open_events(path, sensor=sensor_size(sensor) if sensor else None)
+    events = reading.opened(path)
     span, panel = span_of(events, start_s=span_s[0], stop_s=span_s[1]), EventPanel(events.sensor)
     return events, span, lambda part: panel.draw(part, time_origin_us=events.start_us)
 
@@ -121,6 +123,11 @@ def _lasting(recording: "Recording") -> "EventFile":
 
 
 def _light(recording: "Recording") -> "Light | None":
+    try:
+        check_installed("rendering what the camera saw", *SIMULATING, extra="simulate")
+    except MissingExtra as error:
+        warnings.warn(f"{error.problem}, and is left out: {error.fix}", EvimoWarning, stacklevel=2)
+        return None
     from evimo.simulate.pictures import pictures
 
     print(
@@ -162,20 +169,3 @@ def _slices(events: "EventFile", span: "Span") -> Generator["Slice"]:
 
     start_us, stop_us = span.first * SLICE_US, span.last * SLICE_US
     yield from in_slices(events.packets(start_us, stop_us), start_us=start_us, stop_us=stop_us)
-
-
-@contextmanager
-def _stopping() -> Generator[list[bool]]:
-    """Empty until the first Ctrl-C, which asks to stop; the second one breaks off."""
-    stopped: list[bool] = []
-
-    def ask_to_stop(number: int, frame: FrameType | None) -> None:
-        stopped.append(True)
-        signal.signal(signal.SIGINT, before)
-        print("stopping after this frame; Ctrl-C again to give up", file=sys.stderr)
-
-    before = signal.signal(signal.SIGINT, ask_to_stop)
-    try:
-        yield stopped
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -143,7 +143,12 @@ def score_recording(
 def slice_report(
     prediction: Prediction, sample: LabelledSlice, protocols: Mapping[str, Protocols], *, density_threshold: float
 ) -> Report:
-    """The report of one slice; `protocols` have followed each row through the slices before."""
+    """The report of one slice; `protocols` have followed each row through the slices before.
+
+    A slice without an event to answer from is only counted.
+    """
+    if not prediction.has_events:
+        return Report(counts={"slices without events": 1})
     density = baselines.density_scores(sample, (*baselines.THRESHOLDS, density_threshold))
     rows = {MODEL: prediction_scores(prediction, sample), **baselines.trivial_scores(sample)}
     rows[baselines.DENSITY] = density[density_threshold]

@@ -4,9 +4,10 @@
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from evimo.compiling import njit
 
 BINS_PER_OCTAVE = 64  # of intervals: half a bin is 0.6 %
 INTERVAL_BINS = BINS_PER_OCTAVE * 40  # up to 12 days
@@ -49,7 +50,7 @@ def empty_tally(hot: NDArray[np.bool_]) -> Tally:
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def tally_slice(x, y, t, p, alone_us, stop_us, tally):
     """Add the events of one slice, times counted from the recording's start, and close the slice.
 
@@ -79,7 +80,7 @@ def tally_slice(x, y, t, p, alone_us, stop_us, tally):
             tally.count[row, column] = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _meet(row, column, now, alone_us, tally):
     """Tell recent events of the 3x3 pixels that they have company; whether there are any. Adds up quiet time."""
     height, width = tally.count.shape
@@ -93,14 +94,14 @@ def _meet(row, column, now, alone_us, tally):
     return company
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _judge(row, column, alone_us, stop_us, tally):
     """Count the last event of a pixel if it was isolated; too near the recording's ends nobody knows."""
     at = tally.last_us[row, column]
     tally.sums[ISOLATED] += not tally.company[row, column] and alone_us <= at <= stop_us - alone_us
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def finish(alone_us, stop_us, tally):
     """Judge the last event of every pixel and add the quiet time that is left."""
     height, width = tally.count.shape

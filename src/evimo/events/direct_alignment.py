@@ -9,10 +9,10 @@ counts alike, whatever the number of its events, or a mover in front of a wall w
 """
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.compiling import njit
 from evimo.events.images import blurred, gaussian
 from evimo.events.local_motion import PRODUCTS, TT, XT, XX, XY, YT, YY, add_products
 from evimo.events.stack import SLICES, EventStack, StaticMotion, compensated
@@ -96,7 +96,7 @@ def _basis(motion: StaticMotion, height: int, width: int) -> F4:
     return np.stack((np.stack(u) * (fx / STEP), np.stack(v) * (fy / STEP)), axis=1).astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _count(stack, counts):
     """Events by slice and polarity, each shared between four pixels; what is outside is left out."""
     height, width = counts.shape[2:]
@@ -115,7 +115,7 @@ def _count(stack, counts):
         image[top + 1, left + 1] += ax * ay
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _normal_equations(products, basis, say, matrix, right):
     """Add up the weighted normal equations of a twist (6, 6) and (6,); returns what changes in a cell, on average."""
     noise = total = 0.0
@@ -139,7 +139,7 @@ def _normal_equations(products, basis, say, matrix, right):
     return noise / total
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _reweight(products, basis, correction, say):
     """What each cell has to say, by the change that the correction leaves for its contrast (Cauchy's weights)."""
     floor = np.float32(0.3) * (products[XX] + products[YY]).mean() + np.float32(1e-9)

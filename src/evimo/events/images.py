@@ -8,11 +8,12 @@ them takes longer than they do.
 
 from math import exp
 
-import numba
 import numpy as np
 
-_jit = numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-_inlined = numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", inline="always")
+from evimo.compiling import njit
+
+_jit = njit(nogil=True, fastmath=True, error_model="numpy")
+_inlined = njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 _0, _3, _QUARTER = np.float32(0), np.float32(3), np.float32(0.25)
 
 

@@ -10,10 +10,10 @@ Each step is one compiled pass. Its innermost loops go along rows, without branc
 on vectors; functions of one row are inlined, since calling them takes longer than they do.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.compiling import njit
 from evimo.events.images import blurred, gaussian, warped
 from evimo.events.logarithms import exp, ln
 from evimo.events.stack import BINS, SLICES
@@ -27,8 +27,8 @@ _CELL = 2  # px of half the image per pixel of the candidates
 PRODUCTS = 6  # xx, xy, yy, xt, yt, tt
 XX, XY, YY, XT, YT, TT = range(PRODUCTS)
 
-_jit = numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-_inlined = numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", inline="always")
+_jit = njit(nogil=True, fastmath=True, error_model="numpy")
+_inlined = njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 _1, _3, _HALF, _QUARTER = (np.float32(number) for number in (1, 3, 0.5, 0.25))
 _SHARP, _WARPED, _LONG, _LARGE = (gaussian(sigma_px) for sigma_px in (0.7, 4 / _CELL, 5 / _CELL, 8 / _CELL))
 

@@ -7,10 +7,11 @@ They are ratios of polynomials with NumPy's coefficients and order of operations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
+
+from evimo.compiling import njit
 
 f32, i32 = np.float32, np.int32
 MANTISSA, HALF, BIAS = i32(0x7FFFFF), i32(126 << 23), i32(126)  # bits of a number in [0.5, 1) and of its exponent
@@ -35,7 +36,7 @@ _EXP_UNDER = tuple(f32(c) for c in (2.159509375685829852307e-02, -2.742335390411
 
 # Exact arithmetic is asked for aloud: else a `fastmath` caller that compiles them first would have its own way, and
 # the cache would keep it for all.
-_jit = numba.njit(nogil=True, fastmath=False, error_model="numpy", cache=True)
+_jit = njit(nogil=True, fastmath=False, error_model="numpy")
 
 
 def _multiply_add(typing_context, a, b, c):

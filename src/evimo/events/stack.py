@@ -6,10 +6,10 @@ Everything here is one compiled pass over the events or over the image.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.compiling import njit
 from evimo.events.logarithms import ln
 
 F4 = NDArray[np.float32]
@@ -108,7 +108,7 @@ def _summed(twist: F4) -> F4:
     return before - before[SLICES // 2] - twist[SLICES // 2] / 2
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _compensate(stack, summed, motion, out_x, out_y):
     fx, fy, cx, cy = motion.intrinsics
     inv_depth, half = motion.inv_depth, np.float32(0.5)
@@ -132,7 +132,7 @@ def _compensate(stack, summed, motion, out_x, out_y):
         out_x[e], out_y[e] = at_x, at_y
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _splat(stack, scale, grid):
     height, width = grid.shape[1:]
     half, one = np.float32(0.5), np.float32(1)
@@ -152,14 +152,14 @@ def _splat(stack, scale, grid):
         grid[c, below, right] += ax * ay
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def _log(counts):
     """log(1 + count) in place."""
     for k in range(len(counts)):
         counts[k] = ln(np.float32(1) + counts[k])
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _gather(stack, moments):
     """Per cell: 1, t, tt, x, y, xx, xy, yy, xt, yt summed over its events, x and y about the image's middle."""
     height, width = moments.shape[1:3]
@@ -190,7 +190,7 @@ def _gather(stack, moments):
             sums[9] += y * t
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(nogil=True, fastmath=True, error_model="numpy")
 def _fit(moments, fits):
     """Moments of windows from those of cells with a margin, rows first, then columns; then a plane in each window."""
     groups, _, height, width = fits.shape
@@ -216,7 +216,7 @@ def _fit(moments, fits):
                     fits[group, feature, row, column] = planes[feature * width + column]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", inline="always")
+@njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def _planes(sums, planes):
     """From a row's moments, window by window, the features of its planes, feature by feature; see `plane_fits`.
 

@@ -3,7 +3,8 @@
 Whatever the format, packets come sorted and in constant memory, with the sensor's size and the range of times.
 """
 
-from evimo.formats.event_file import EventFile, Faults, FoundCamera
+from evimo.formats.clock import Faults
+from evimo.formats.event_file import EventFile, FoundCamera
 from evimo.formats.opening import open_events
 
 __all__ = ["EventFile", "Faults", "FoundCamera", "open_events"]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile
 from evimo.events.events import Events
+from evimo.formats.zstandard import zstd
 
 EVENT = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("on", "u1"), ("", "V3")])
 FIRST_LINE_BYTES = 14
@@ -154,20 +155,12 @@ def unpacked(raw: bytes, compression: int) -> bytes:
         if compression in (1, 2):
             return lz4.frame.decompress(raw)
         if compression in (3, 4):
-            return _unzstd(raw)
+            return zstd().decompress(raw)
     except Exception as error:  # each library has its own
         raise ValueError("damaged") from error
     if compression:
         raise ValueError(f"unknown compression {compression}")
     return raw
-
-
-def _unzstd(raw: bytes) -> bytes:
-    try:
-        from compression import zstd  # type: ignore[import-not-found]  # Python 3.14
-    except ImportError:
-        from backports import zstd
-    return zstd.decompress(raw)
 
 
 def _streams(xml: str) -> dict[int, Stream]:

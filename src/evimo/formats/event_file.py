@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope
+from evimo.formats.clock import WINDOW_US, Clock, Faults, sorted_packets
+from evimo.formats.damage import mended
+from evimo.formats.sensors import size_in_words
 from evimo.geometry.camera import Camera
+
+LATE_SHARE = 20  # one event in so many may be late; more, and the order of the file is no order in time
 
 
 class FoundCamera(NamedTuple):
@@ -49,25 +54,6 @@ def no_gyroscope() -> Gyroscope | None:
     return None
 
 
-@dataclass(slots=True)
-class Faults:
-    """Events that one pass over a recording had to move or leave out.
-
-    out_of_order: came after a later event of the same packet, and were sorted into place.
-    late:         older than a packet already given, dropped.
-    outside:      not on the sensor, dropped.
-    """
-
-    out_of_order: int = 0
-    late: int = 0
-    outside: int = 0
-
-    @property
-    def dropped(self) -> int:
-        """Events left out."""
-        return self.late + self.outside
-
-
 @dataclass(slots=True, kw_only=True, eq=False)
 class EventFile:
     """One recording of one sensor, read lazily.
@@ -79,6 +65,7 @@ class EventFile:
     camera:      the one whose intrinsics lie inside the file.
     read_gyroscope: the format's reader of gyroscopes.
     contents:    what else is inside, name to description.
+    topic:       that of a bag which the events are from; empty where there are no topics.
     faults:      what the newest pass had to move or leave out; complete when the pass is.
     """
 
@@ -91,6 +78,7 @@ class EventFile:
     camera: FoundCamera | None = None
     read_gyroscope: Callable[[], Gyroscope | None] = no_gyroscope
     contents: dict[str, str] = field(default_factory=dict[str, str])
+    topic: str = ""
     faults: Faults = field(default_factory=Faults, init=False)
 
     def __iter__(self) -> Iterator[Events]:
@@ -102,13 +90,14 @@ class EventFile:
         Warns once at the end of the pass if events had to be sorted or dropped.
 
         Raises:
-            BadFile: more events go back in time than forward.
+            BadFile: the order of the events cannot be restored, or none lies on the sensor.
         """
         start = self.start_us if start_us is None else start_us
         stop = self.stop_us if stop_us is None else stop_us
         faults = self.faults = Faults()
+        clock = Clock(faults, from_start=start <= self.start_us)
         kept = 0
-        for packet in tidied(self.read(start), self.sensor, faults):
+        for packet in sorted_packets(on_sensor(self.read(start), self.sensor, faults), clock):
             if packet.t[0] >= stop:
                 break
             kept += len(packet)
@@ -128,51 +117,39 @@ class EventFile:
         return self.read_gyroscope()
 
     def _report(self, faults: Faults, kept: int) -> None:
-        if faults.late > kept:
+        refuse_disorder(self.path, faults, kept)
+        if faults.outside and not kept:
             raise BadFile(
-                f"{self.path.name}: {faults.late:,} of {faults.late + kept:,} events are older than events before them",
-                fix="sort the recording by time, or split it where its clock starts again",
+                f"{self.path.name}: none of {faults.outside:,} events lies on a sensor of {size_in_words(self.sensor)}",
+                fix="give its size with --sensor WxH, and the order of a table's columns with --columns, as in txyp",
             )
-        if parts := fault_parts(faults, self.sensor):
+        if parts := faults.parts(self.sensor):
             warnings.warn(f"{self.path.name}: {'; '.join(parts)}", EvimoWarning, stacklevel=3)
 
 
-def fault_parts(faults: Faults, sensor: tuple[int, int]) -> list[str]:
-    """The faults in words, with counts; empty where there are none."""
+def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
+    """Refuse a recording whose order in time is lost.
+
+    Raises:
+        BadFile: more than one event in twenty is late, or most come after a reset of the clock.
+    """
+    whole = faults.late + faults.after_reset + kept
+    if faults.late * LATE_SHARE <= whole and faults.after_reset <= kept:
+        return
+    lost, old = faults.late + faults.after_reset, f"more than {WINDOW_US // 1000} ms older than events before them"
+    raise BadFile(
+        f"{path.name}: {lost:,} of {whole + faults.outlying:,} events are {old}",
+        fix="sort the recording by time, or split it where its clock starts again",
+    )
+
+
+def on_sensor(packets: Iterator[Events], sensor: tuple[int, int], faults: Faults) -> Iterator[Events]:
+    """Packets without the events outside the sensor, which are counted; empty ones are left out."""
     height, width = sensor
-    parts = {
-        f"{faults.out_of_order:,} events were out of order and sorted": faults.out_of_order,
-        f"{faults.late:,} events older than the packet before them were dropped": faults.late,
-        f"{faults.outside:,} events outside the {width}x{height} sensor were dropped": faults.outside,
-    }
-    return [words for words, count in parts.items() if count]
-
-
-def tidied(packets: Iterator[Events], sensor: tuple[int, int], faults: Faults) -> Iterator[Events]:
-    """Packets on the sensor and sorted, within and across; what was moved or dropped is counted in `faults`."""
-    newest = np.iinfo(np.int64).min
-    for packet in filter(len, packets):
-        packet = _in_order(_on_sensor(packet, sensor, faults), faults)
-        late = int(np.searchsorted(packet.t, newest))
-        faults.late += late
-        packet = packet.part(late, len(packet))
-        if len(packet):
-            newest = packet.t[-1]
+    for packet in mended(packets, faults):
+        if packet.x.max() < width and packet.y.max() < height:
             yield packet
-
-
-def _on_sensor(packet: Events, sensor: tuple[int, int], faults: Faults) -> Events:
-    height, width = sensor
-    if packet.x.max() < width and packet.y.max() < height:
-        return packet
-    inside = (packet.x < width) & (packet.y < height)
-    faults.outside += len(packet) - int(inside.sum())
-    return Events(packet.x[inside], packet.y[inside], packet.t[inside], packet.p[inside])
-
-
-def _in_order(packet: Events, faults: Faults) -> Events:
-    if (packet.t[1:] >= packet.t[:-1]).all():
-        return packet
-    faults.out_of_order += int((packet.t < np.maximum.accumulate(packet.t)).sum())
-    order = np.argsort(packet.t, kind="stable")
-    return Events(packet.x[order], packet.y[order], packet.t[order], packet.p[order])
+            continue
+        inside = (packet.x < width) & (packet.y < height)
+        faults.outside += len(packet) - int(inside.sum())
+        yield Events(packet.x[inside], packet.y[inside], packet.t[inside], packet.p[inside])

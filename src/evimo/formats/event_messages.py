@@ -1,30 +1,32 @@
-"""ROS event messages to events: dvs_msgs/EventArray and event_camera_msgs/EventPacket, as ROS 1 serialises them."""
+"""Event messages of ROS 1 and ROS 2 to events: dvs_msgs/EventArray and event_camera_msgs/EventPacket."""
 
-import struct
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from evimo.errors import BadFile
-from evimo.events.events import Events
-from evimo.formats.event_message_kernel import (
-    decode_dvs_msgs,
-    decode_evt3,
-    decode_libcaer,
-    decode_mono,
-    evt3_state,
-)
+from evimo.events.events import Events, no_events
+from evimo.formats.bag_messages import MessageFields
+from evimo.formats.event_message_kernel import decode_dvs_msgs, decode_libcaer, decode_mono
+from evimo.formats.evt3_messages import Evt3Messages
+from evimo.formats.libcaer_cmp_kernel import decode_libcaer_cmp
 
 ARRAYS = ("dvs_msgs/EventArray", "prophesee_event_msgs/EventArray")
 PACKETS = ("event_camera_msgs/EventPacket", "event_array_msgs/EventArray")
-ENCODINGS = ("evt3", "mono", "libcaer")
+ENCODINGS = ("evt3", "mono", "libcaer", "libcaer_cmp")
+ITEM = 13  # bytes of an event of an array; CDR aligns its times, and so begins one every 16 bytes
+CDR_ITEM = 16
 
 
 class Decoder(Protocol):
     """Decodes the messages of one topic in order."""
 
     def __call__(self, payload: memoryview, expected_us: int) -> Events:
-        """The events of a message; expected_us is about the time of the last, for clocks that wrap."""
+        """The events of a message, less those that wait for more; expected_us is about the time of the last, or 0."""
+        ...
+
+    def rest(self) -> Events:
+        """The events that still wait, after the last message."""
         ...
 
 
@@ -37,27 +39,49 @@ class EventPacket(NamedTuple):
     events: memoryview
 
 
-def image_size(payload: memoryview) -> tuple[int, int]:
+def decoder_of(kind: str, name: str, *, cdr: bool) -> Decoder:
+    """A decoder for one topic's kind of message; `name` is the file's, for errors."""
+    return ArrayDecoder(cdr=cdr) if kind in ARRAYS else PacketDecoder(name, cdr=cdr)
+
+
+def image_size(payload: memoryview, *, cdr: bool) -> tuple[int, int]:
     """(height, width): the first fields after the header in every event message."""
-    height, width = struct.unpack_from("<II", payload, _after_header(payload))
+    fields = MessageFields(payload, cdr=cdr)
+    fields.stamp_ns()
+    height, width = fields.numbers("2I")
     return height, width
 
 
-def array_events(payload: memoryview, expected_us: int = 0) -> Events:
-    """The events of a dvs_msgs/EventArray; their stamps are whole."""
-    at = _after_header(payload) + 12
-    return Events(*decode_dvs_msgs(np.frombuffer(payload[at:], np.uint8)))
+class ArrayDecoder:
+    """Decodes dvs_msgs/EventArray; the stamps of its events are whole."""
+
+    def __init__(self, *, cdr: bool = False) -> None:
+        self._cdr = cdr
+
+    def __call__(self, payload: memoryview, expected_us: int = 0) -> Events:
+        """The events of one message."""
+        fields = MessageFields(payload, cdr=self._cdr)
+        fields.stamp_ns()
+        _, _, count = fields.numbers("3I")
+        raw, item = fields.rest(), CDR_ITEM if self._cdr else ITEM
+        if count and (count - 1) * item + ITEM > len(raw):
+            raise ValueError(f"it ends before its {count} events do")
+        return Events(*decode_dvs_msgs(np.frombuffer(raw, np.uint8), count, item))
+
+    def rest(self) -> Events:
+        """None ever wait."""
+        return no_events()
 
 
 class PacketDecoder:
-    """Decodes event_camera_msgs/EventPacket; EVT3 carries its state from one message to the next.
+    """Decodes event_camera_msgs/EventPacket; of EVT3, the last words of a message wait for those of the next.
 
     EVT3 times are the sensor's own clock; the other encodings are absolute.
     """
 
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._evt3 = None
+    def __init__(self, name: str, *, cdr: bool = False) -> None:
+        self._name, self._cdr = name, cdr
+        self._evt3 = Evt3Messages()
 
     def __call__(self, payload: memoryview, expected_us: int = 0) -> Events:
         """The events of one message.
@@ -65,15 +89,15 @@ class PacketDecoder:
         Raises:
             BadFile: another encoding.
         """
-        return self.decoded(packet(payload), expected_us)
+        return self.decoded(packet(payload, cdr=self._cdr), expected_us)
 
     def decoded(self, message: EventPacket, expected_us: int = 0) -> Events:
         """The events of a message that is taken apart already."""
-        if message.encoding == "evt3":
-            if self._evt3 is None:
-                self._evt3 = evt3_state(expected_us)
-            whole = len(message.events) // 2 * 2
-            return Events(*decode_evt3(np.frombuffer(message.events[:whole], "<u2"), self._evt3))
+        if message.encoding in ("evt3", "libcaer_cmp"):
+            words = np.frombuffer(message.events[: len(message.events) // 2 * 2], "<u2")
+            if message.encoding == "libcaer_cmp":
+                return Events(*decode_libcaer_cmp(words, message.base_ns))
+            return self._evt3(words, expected_us)
         raw = np.frombuffer(message.events, np.uint8)
         if message.encoding == "mono":
             return Events(*decode_mono(raw, message.base_ns))
@@ -84,20 +108,20 @@ class PacketDecoder:
             fix=f"record with one of: {', '.join(ENCODINGS)}",
         )
 
+    def rest(self) -> Events:
+        """The events that still wait, after the last message."""
+        return self._evt3.rest()
 
-def packet(payload: memoryview) -> EventPacket:
-    """Take a ROS 1 EventPacket apart, without copying its events."""
-    at = _after_header(payload)
-    height, width, _, base_ns, size = struct.unpack_from("<IIQQI", payload, at)
-    at += 28
-    encoding = bytes(payload[at : at + size]).decode()
-    at += size
-    big_endian, size = struct.unpack_from("<?I", payload, at)
-    if big_endian:
+
+def packet(payload: memoryview, *, cdr: bool) -> EventPacket:
+    """Take an EventPacket apart, without copying its events."""
+    fields = MessageFields(payload, cdr=cdr)
+    fields.stamp_ns()
+    height, width = fields.numbers("2I")
+    _, base_ns = fields.numbers("2Q")
+    if base_ns >> 62:
+        raise ValueError(f"its times begin at {base_ns} ns")
+    encoding = fields.text()
+    if fields.numbers("B")[0]:
         encoding += " (big-endian)"
-    return EventPacket((height, width), base_ns, encoding, payload[at + 5 : at + 5 + size])
-
-
-def _after_header(payload: memoryview) -> int:
-    """Where the fields after std_msgs/Header begin: seq, stamp (8 bytes), frame_id."""
-    return 16 + struct.unpack_from("<I", payload, 12)[0]
+    return EventPacket((height, width), base_ns, encoding, fields.block())

@@ -2,10 +2,11 @@
 """Decoding of Event Stream 2 bodies, compiled."""
 
 import numpy as np
-from numba import njit
+
+from evimo.compiling import njit
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_dvs(raw, t, height):
     """DVS events in raw bytes (Event Stream 2, type 1): one byte of time and polarity, two of x, two of y.
 
@@ -36,7 +37,7 @@ def decode_dvs(raw, t, height):
     return x[:count], y[:count], times[:count], p[:count], at, t
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def decode_atis(raw, t, height):
     """ATIS events (type 2), change detections only; exposure measurements (bit 0) move the time and are left out.
 

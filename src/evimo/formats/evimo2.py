@@ -13,20 +13,22 @@ from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive, array_header
-from evimo.formats.sensors import assumed_sensor
+from evimo.formats.sensors import assumed_sensor, whole_pixels
 from evimo.formats.stored_gyroscope import folder_gyroscope
+from evimo.formats.stored_times import StoredTimes
 from evimo.formats.survey import no_events_in
+from evimo.formats.time_units import NAMES, REPEAT_EVENTS, TimeUnit, repeat_of
 from evimo.geometry.camera import Camera
 
 INFO = "dataset_info.json"
 PACKET_EVENTS = 1 << 17
-ROUNDING_S = 1e-4  # more than float32 seconds are off within the first half hour
 
 
-def open_evimo2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
+def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit: TimeUnit | None = None) -> EventFile:
     """Open the folder of one recording (or any dataset_ file in it); nothing is unpickled.
 
-    The sensor's size is that of dataset_info.json if there is one, else of the first depth or mask map.
+    The sensor's size is that of dataset_info.json if there is one, else of the first depth or mask map. Times are in
+    seconds in this layout; others that were written so are told by what a camera can do.
 
     Raises:
         BadFile: an array is missing, damaged, of objects, or empty.
@@ -37,17 +39,24 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
     size = sensor or _stored_size(folder)
     if size is None:
         size = assumed_sensor(folder, (int(xy[:, 1].max()) + 1, int(xy[:, 0].max()) + 1))
+    times = StoredTimes(
+        folder,
+        lambda first, last: t[first:last],
+        count=len(t),
+        pixels=size[0] * size[1],
+        repeat=repeat_of(xy[:REPEAT_EVENTS, 0], xy[:REPEAT_EVENTS, 1], t[:REPEAT_EVENTS]),
+        said=time_unit,
+    )
 
     def read(start_us: int) -> Iterator[Events]:
-        first = int(np.searchsorted(t, t.dtype.type(start_us * 1e-6 - ROUNDING_S)))
-        return (_part(arrays, at) for at in range(first, len(t), PACKET_EVENTS))
+        return (_part(arrays, times, at) for at in range(times.place(start_us), len(t), PACKET_EVENTS))
 
     return EventFile(
         path=folder,
-        format=f"EVIMO2 folder (times in {t.dtype} seconds)",
+        format=f"EVIMO2 folder (times in {t.dtype} {NAMES[times.unit]})",
         sensor=size,
-        start_us=int(_as_us(t[:1])[0]),
-        stop_us=int(_as_us(t[-1:])[0]) + 1,
+        start_us=times.start_us,
+        stop_us=times.stop_us,
         read=read,
         camera=_camera(folder, size),
         read_gyroscope=lambda: folder_gyroscope(folder),
@@ -55,24 +64,19 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
     )
 
 
-def _part(arrays: dict[str, NDArray[Any]], first: int) -> Events:
+def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int) -> Events:
     part = slice(first, first + PACKET_EVENTS)
     xy = arrays["xy"][part]
-    x, y = xy[:, 0].astype(np.uint16), xy[:, 1].astype(np.uint16)
     p = np.where(arrays["p"][part] > 0, 1, -1).astype(np.int8)
-    return Events(x, y, _as_us(arrays["t"][part]), p)
-
-
-def _as_us(seconds: NDArray[Any]) -> NDArray[np.int64]:
-    return np.rint(np.asarray(seconds, np.float64) * 1e6).astype(np.int64)
+    return Events(whole_pixels(xy[:, 0]), whole_pixels(xy[:, 1]), times.in_us(arrays["t"][part]), p)
 
 
 def _arrays(folder: Path) -> dict[str, NDArray[Any]]:
     """The three arrays as maps of the files, cut to the shortest."""
     arrays = {name: mapped(folder / f"dataset_events_{name}.npy") for name in ("t", "xy", "p")}
-    if arrays["t"].dtype.kind != "f" or arrays["xy"].shape[1:] != (2,):
+    if arrays["t"].dtype.kind not in "iuf" or arrays["t"].ndim != 1 or arrays["xy"].shape[1:] != (2,):
         kinds = ", ".join(f"{name} {array.dtype} {array.shape}" for name, array in arrays.items())
-        raise BadFile(f"{folder}: unexpected arrays ({kinds})", fix="t (N,) float seconds, xy (N, 2), p (N,)")
+        raise BadFile(f"{folder}: unexpected arrays ({kinds})", fix="t (N,) seconds, xy (N, 2), p (N,)")
     lengths = {name: len(array) for name, array in arrays.items()}
     shortest = min(lengths.values())
     if not shortest:

@@ -11,41 +11,49 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
+from evimo.formats.clock_rules import NO_TIME
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
-from evimo.formats.npz_members import Archive, ArrayHeader, skip
-from evimo.formats.sensors import assumed_sensor
+from evimo.formats.npz_members import Archive
+from evimo.formats.npz_rows import NpzRows
+from evimo.formats.sensors import assumed_sensor, fitting_sensor, whole_pixels
 from evimo.formats.stored_gyroscope import simulated_gyroscope
-from evimo.formats.survey import surveyed
+from evimo.formats.survey import no_events_in, surveyed
+from evimo.formats.time_units import NAMES, Times, TimeUnit, as_us, check_span, found_unit, repeat_of, step_of
 from evimo.geometry.camera import Camera
 
-BLOCK_ROWS = 1 << 16
+PIECE_ROWS = 2000
 FACTS = "sim_facts"  # only in our own files
 
 
-def open_evimo_npz(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
-    """Open a recording; `t` is in seconds where the array is of floats, in µs where it is of integers.
+def open_evimo_npz(
+    path: Path, sensor: tuple[int, int] | None = None, *, time_unit: TimeUnit | None = None, columns: str | None = None
+) -> EventFile:
+    """Open a recording; `t` is usually in seconds where the array is of floats, in µs where it is of integers.
 
     Nothing is unpickled: `meta` stays closed. The size is that of `depth` or `mask`, K that of `K`. `D` is ignored
     with a warning where it is not zero, as those of the released files are known to be wrong. Files that `evimo
     simulate` has made tell their whole lens in `sim_facts`, JSON.
 
     Raises:
-        BadFile: no numeric `events` of four columns, not a number in it, or nothing readable; a damaged `sim_facts`.
+        BadFile: no numeric `events` of four columns, or nothing readable; times of no camera; a damaged `sim_facts`.
     """
     archive = Archive(path)
-    header = _events_header(archive)
-    survey = surveyed(path, _blocks(archive, header, 0))
-    if survey.events < header.shape[0]:
-        text = f"{path.name} is cut short: {survey.events:,} of {header.shape[0]:,} events are readable and used"
+    rows = NpzRows(archive, columns)
+    unit = _unit(path, rows, sensor, time_unit)
+    survey = surveyed(path, ((row, _as_events(block, unit)) for row, block in rows.blocks()))
+    if survey.stored < rows.count:
+        text = f"{path.name} is cut short: {survey.stored:,} of {rows.count:,} events are readable and used"
         warnings.warn(text, EvimoWarning, stacklevel=3)
+    if time_unit is None:
+        check_span(path, events=survey.events, span_us=survey.stop_us - survey.start_us, unit=unit)
     size = sensor or _map_size(archive) or assumed_sensor(path, survey.extent)
 
     def read(start_us: int) -> Iterator[Events]:
-        return (events for _, events in _blocks(archive, header, survey.place(start_us)))
+        return (_as_events(block, unit) for _, block in rows.blocks(survey.place(start_us)))
 
     return EventFile(
         path=path,
-        format="EV-IMO npz",
+        format=f"EV-IMO npz (times in {NAMES[unit]})",
         sensor=size,
         start_us=survey.start_us,
         stop_us=survey.stop_us,
@@ -56,70 +64,25 @@ def open_evimo_npz(path: Path, sensor: tuple[int, int] | None = None) -> EventFi
     )
 
 
-def _events_header(archive: Archive) -> ArrayHeader:
-    if "events" not in archive.names:
-        names = ", ".join(sorted(archive.names)[:8])
-        raise BadFile(
-            f"{archive.path.name} holds no array `events`, only {names}", fix="save the rows t x y p as `events`"
-        )
-    header = archive.header("events")
-    named = header.dtype.names is not None and {"t", "x", "y", "p"} <= set(header.dtype.names)
-    if not named and (len(header.shape) != 2 or header.shape[1] != 4 or header.dtype.kind not in "iuf"):
-        raise BadFile(
-            f"`events` in {archive.path.name} has shape {header.shape} of {header.dtype}",
-            fix="save it as (N, 4) numbers: t x y p",
-        )
-    return header
+def _unit(path: Path, rows: NpzRows, sensor: tuple[int, int] | None, said: TimeUnit | None) -> TimeUnit:
+    """The unit of the times, said or from the first events."""
+    _, first = next(rows.blocks(), (0, None))
+    if first is None:
+        raise no_events_in(path)
+    t, x, y, _ = first
+    height, width = sensor or fitting_sensor((int(whole_pixels(y).max()) + 1, int(whole_pixels(x).max()) + 1))
+    pieces = [np.asarray(t[at : at + PIECE_ROWS], np.float64) for at in range(0, len(t), PIECE_ROWS)]
+    times = Times(pieces, step_of(t), height * width, repeat_of(x, y, t))
+    return found_unit(path, times, said=said, usual="s" if t.dtype.kind == "f" else "us")
 
 
-def _blocks(archive: Archive, header: ArrayHeader, row: int) -> Iterator[tuple[int, Events]]:
-    """The events from a row on, in blocks: (first row, events)."""
-    by_column = header.fortran_order and header.dtype.names is None
-    for block in _by_column(archive, header, row) if by_column else _by_row(archive, header, row):
-        yield row, _as_events(block, archive.path, row)
-        row += len(block[0])
-
-
-def _by_row(archive: Archive, header: ArrayHeader, row: int) -> Iterator[list[NDArray[Any]]]:
-    names = header.dtype.names
-    row_bytes = header.dtype.itemsize * (1 if names else 4)
-    stream = archive.stream("events")
-    skip(stream, header.offset + row * row_bytes)
-    while len(raw := stream.read(BLOCK_ROWS * row_bytes)) >= row_bytes:
-        flat = np.frombuffer(raw[: len(raw) // row_bytes * row_bytes], header.dtype)
-        yield [flat[name] for name in "txyp"] if names else list(flat.reshape(-1, 4).T)
-
-
-def _by_column(archive: Archive, header: ArrayHeader, row: int) -> Iterator[list[NDArray[Any]]]:
-    """Column after column in the file: one stream for each."""
-    rows, item = header.shape[0], header.dtype.itemsize
-    streams = [archive.stream("events") for _ in range(4)]
-    for column, stream in enumerate(streams):
-        skip(stream, header.offset + (column * rows + row) * item)
-    while row < rows:
-        raw = [stream.read(min(BLOCK_ROWS, rows - row) * item) for stream in streams]
-        whole = min(map(len, raw)) // item
-        if not whole:
-            return
-        yield [np.frombuffer(part[: whole * item], header.dtype) for part in raw]
-        row += whole
-
-
-def _as_events(columns: list[NDArray[Any]], path: Path, row: int) -> Events:
+def _as_events(columns: list[NDArray[Any]], unit: TimeUnit) -> Events:
+    """Events of one block; a value that is no number puts its event outside of the sensor or of time."""
     t, x, y, p = columns
-    if t.dtype.kind == "f":
-        t = np.asarray(t, np.float64) * 1e6
-    if not all(np.isfinite(column).all() for column in (t, x, y, p)):
-        raise BadFile(
-            f"{path.name}: `events` holds nan or infinity near row {row:,}", fix="export it again without them"
-        )
-    return Events(_pixels(x), _pixels(y), np.rint(t).astype(np.int64), np.where(p > 0, 1, -1).astype(np.int8))
-
-
-def _pixels(values: NDArray[Any]) -> NDArray[np.uint16]:
-    """Whole pixels; what cannot be one becomes 65535, which is outside every sensor."""
-    inside = (values >= 0) & (values < 65535)
-    return np.where(inside, np.rint(np.where(inside, values, 0)), 65535).astype(np.uint16)
+    t_us = as_us(t, unit)
+    if p.dtype.kind == "f":
+        t_us[np.isnan(p)] = NO_TIME
+    return Events(whole_pixels(x), whole_pixels(y), t_us, np.where(p > 0, 1, -1).astype(np.int8))
 
 
 def _map_size(archive: Archive) -> tuple[int, int] | None:

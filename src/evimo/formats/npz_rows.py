@@ -1,63 +1,126 @@
-"""Rows of one array in an .npz file, a few at a time: read forward, never unpickled."""
+"""The events of a NumPy archive as columns of numbers, however they lie in it."""
 
-import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
+from evimo.formats.columns import LETTERS, found_columns, named_columns, said_columns
 from evimo.formats.npz_members import Archive, ArrayHeader, Stream, skip
 
+BLOCK_ROWS = 1 << 16
+EVENTS = "events"
 
-class Rows:
-    """The rows of one member, in constant memory: forward from the last ones, or from the start again.
+Columns = list[NDArray[Any]]
+"""t, x, y, p as stored."""
 
-    header: shape and type of the whole array.
+
+class NpzRows:
+    """Where an archive holds its events: rows or fields of one array `events`, or four arrays.
+
+    Raises:
+        BadFile: it holds neither.
     """
 
-    def __init__(self, archive: Archive, name: str, *, dimensions: int, kinds: str, fix: str) -> None:
-        """Look at its header.
+    def __init__(self, archive: Archive, columns: str | None) -> None:
+        self._archive, self._order = archive, ""
+        if EVENTS in archive.names:
+            self._headers = {EVENTS: archive.header(EVENTS)}
+            self._order = self._order_of(self._headers[EVENTS], columns)
+        else:
+            named = dict(zip(named_columns(names := sorted(archive.names)) or "", names, strict=False))
+            if not named:
+                held = ", ".join(names[:8])
+                raise BadFile(
+                    f"{archive.path.name} holds no array `events`, only {held}", fix="save the rows t x y p as `events`"
+                )
+            self._headers = {named[letter]: archive.header(named[letter]) for letter in LETTERS}
+        self.count = min(header.shape[0] if header.shape else 0 for header in self._headers.values())
 
-        Args:
-            archive: that holds it.
-            name: of the array.
-            dimensions: that it must have.
-            kinds: NumPy's letters of the types that it may have, such as "iuf".
-            fix: of the error when it is otherwise.
+    def blocks(self, row: int = 0) -> Iterator[tuple[int, Columns]]:
+        """The events from a row on, in blocks: (first row, columns t x y p as stored)."""
+        for block in self._by_row(row) if self._is_by_row() else self._by_column(row):
+            yield row, block
+            row += len(block[0])
 
-        Raises:
-            BadFile: it is not there, or is otherwise.
-        """
-        self._archive, self._name, self._fix = archive, name, fix
-        if name not in archive.names:
-            raise BadFile(f"{archive.path} lacks `{name}`", fix=fix)
-        self.header: ArrayHeader = archive.header(name)
-        header = self.header
-        turned = header.fortran_order and len(header.shape) > 1
-        if len(header.shape) != dimensions or turned or header.dtype.kind not in kinds:
-            order = ", in Fortran's order" if turned else ""
-            raise BadFile(f"`{name}` of {archive.path} is {header.shape} {header.dtype}{order}", fix=fix)
-        self._stream: Stream | None = None
-        self._next = 0
+    def _is_by_row(self) -> bool:
+        header = self._headers.get(EVENTS)
+        return header is not None and (header.dtype.names is not None or not header.fortran_order)
 
-    def __len__(self) -> int:
-        return self.header.shape[0]
+    def _order_of(self, header: ArrayHeader, columns: str | None) -> str:
+        """The letters of the array's columns or fields."""
+        name, fields = self._archive.path.name, header.dtype.names
+        if fields is not None:
+            if (order := named_columns(fields)) is None:
+                raise BadFile(f"`events` in {name} has the fields {fields}, not t, x, y, p", fix="name them so")
+            return order
+        if len(header.shape) != 2 or not 4 <= header.shape[1] <= 8 or header.dtype.kind not in "iuf":
+            raise BadFile(
+                f"`events` in {name} has shape {header.shape} of {header.dtype}",
+                fix="save it as (N, 4) numbers: t x y p",
+            )
+        if columns:
+            return said_columns(columns).ljust(header.shape[1], "_")
+        self._order = "txyp".ljust(header.shape[1], "_")
+        _, first = next(self._raw_first(header), (0, np.zeros((0, header.shape[1]))))
+        return found_columns(self._archive.path, first[:5000]) if len(first) else self._order
 
-    def read(self, first: int, last: int) -> NDArray[Any]:
-        """Rows first <= k < last.
+    def _raw_first(self, header: ArrayHeader) -> Iterator[tuple[int, NDArray[np.float64]]]:
+        width = header.shape[1]
+        blocks = self._rows_of(header, 0) if not header.fortran_order else self._columns_of(header, 0)
+        for block in blocks:
+            yield 0, np.stack([np.asarray(column, np.float64) for column in block[:width]], axis=1)
 
-        Raises:
-            BadFile: the file is cut short.
-        """
-        shape = (last - first, *self.header.shape[1:])
-        row_bytes = math.prod(shape[1:]) * self.header.dtype.itemsize
-        if self._stream is None or first < self._next:
-            self._stream, self._next = self._archive.stream(self._name), 0
-            skip(self._stream, self.header.offset)
-        skip(self._stream, row_bytes * (first - self._next))
-        self._next = last
-        raw = self._stream.read(row_bytes * shape[0])
-        if len(raw) < row_bytes * shape[0]:
-            raise BadFile(f"`{self._name}` of {self._archive.path} is cut short", fix=self._fix)
-        return np.frombuffer(raw, self.header.dtype).reshape(shape)
+    def _by_row(self, row: int) -> Iterator[Columns]:
+        header = self._headers[EVENTS]
+        at = [self._order.index(letter) for letter in LETTERS]
+        for block in self._rows_of(header, row):
+            yield [block[each] for each in at]
+
+    def _rows_of(self, header: ArrayHeader, row: int) -> Iterator[Columns]:
+        names = header.dtype.names
+        width = 1 if names else header.shape[1]
+        row_bytes = header.dtype.itemsize * width
+        stream = self._archive.stream(EVENTS)
+        skip(stream, header.offset + row * row_bytes)
+        while len(raw := stream.read(BLOCK_ROWS * row_bytes)) >= row_bytes:
+            flat = np.frombuffer(raw[: len(raw) // row_bytes * row_bytes], header.dtype)
+            yield [flat[name] for name in names] if names else list(flat.reshape(-1, width).T)
+
+    def _by_column(self, row: int) -> Iterator[Columns]:
+        if header := self._headers.get(EVENTS):
+            at = [self._order.index(letter) for letter in LETTERS]
+            for block in self._columns_of(header, row):
+                yield [block[each] for each in at]
+            return
+        parts: list[tuple[Stream, np.dtype[Any]]] = []
+        for name, header in self._headers.items():
+            stream = self._archive.stream(name)
+            skip(stream, header.offset + row * header.dtype.itemsize)
+            parts.append((stream, header.dtype))
+        yield from _in_step(parts, self.count - row)
+
+    def _columns_of(self, header: ArrayHeader, row: int) -> Iterator[Columns]:
+        """Column after column in the file: one stream for each."""
+        rows, item = header.shape[0], header.dtype.itemsize
+        parts: list[tuple[Stream, np.dtype[Any]]] = []
+        for column in range(header.shape[1]):
+            stream = self._archive.stream(EVENTS)
+            skip(stream, header.offset + (column * rows + row) * item)
+            parts.append((stream, header.dtype))
+        yield from _in_step(parts, rows - row)
+
+
+def _in_step(parts: list[tuple[Stream, np.dtype[Any]]], rows: int) -> Iterator[Columns]:
+    """Blocks of as many values of each stream."""
+    while rows > 0:
+        raw = [stream.read(min(BLOCK_ROWS, rows) * dtype.itemsize) for stream, dtype in parts]
+        whole = min(len(part) // dtype.itemsize for part, (_, dtype) in zip(raw, parts, strict=True))
+        if not whole:
+            return
+        yield [
+            np.frombuffer(part[: whole * dtype.itemsize], dtype) for part, (_, dtype) in zip(raw, parts, strict=True)
+        ]
+        rows -= whole

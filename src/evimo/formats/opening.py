@@ -1,19 +1,41 @@
 """Open a recording of any format: recognise it by its content, then by its suffix."""
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 from evimo.errors import EvimoWarning
 from evimo.formats.event_file import EventFile
-from evimo.formats.recognition import SUFFIXES, recognised
+from evimo.formats.recognition import SUFFIXES, Kind, recognised
+from evimo.formats.time_units import TimeUnit
+
+# What the reader of each kind asks for besides the sensor, as keywords.
+OPTIONS: dict[Kind, set[str]] = {
+    "evimo_npz": {"time_unit", "columns"},
+    "evimo2": {"time_unit"},
+    "hdf5": {"time_unit", "columns", "topic"},
+    "rosbag1": {"topic"},
+    "rosbag2": {"topic"},
+    "text": {"time_unit", "columns"},
+}
 
 
-def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> EventFile:
+def open_events(
+    path: str | Path,
+    *,
+    sensor: tuple[int, int] | None = None,
+    time_unit: TimeUnit | None = None,
+    columns: str | None = None,
+    topic: str | None = None,
+) -> EventFile:
     """Open an event recording: packets in constant memory, sensor size, time range, seeking.
 
     Args:
         path: a file, or an EVIMO2 folder.
         sensor: (height, width) in px where the file does not tell; it overrides a file that does.
+        time_unit: s, ms, us or ns, where times are plain numbers; guessed and checked by default.
+        columns: the order of a table's columns, a letter each, as in "txyp"; _ leaves one out.
+        topic: of the events, in a file that holds those of several cameras.
 
     Raises:
         NotFound: there is nothing at `path`.
@@ -21,22 +43,8 @@ def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> E
     """
     path = Path(path)
     kind = recognised(path)
-    match kind:
-        case "evimo_npz":
-            from evimo.formats.evimo_npz import open_evimo_npz as opened
-        case "evimo2":
-            from evimo.formats.evimo2 import open_evimo2 as opened
-        case "aedat2":
-            from evimo.formats.aedat2 import open_aedat2 as opened
-        case "aedat4":
-            from evimo.formats.aedat4 import open_aedat4 as opened
-        case "event_stream":
-            from evimo.formats.event_stream import open_event_stream as opened
-        case "rosbag1":
-            from evimo.formats.rosbag1 import open_rosbag1 as opened
-        case _:
-            from evimo.formats.text import open_text as opened
-    recording = opened(path, sensor)
+    options = {"time_unit": time_unit, "columns": columns, "topic": topic}
+    recording = _opener(kind)(path, sensor, **_used(path, kind, options))
     suffix = path.suffix.lower()
     if path.is_file() and suffix not in SUFFIXES[kind]:
         text = f"{path.name} holds {_title(kind)} by its content: its suffix {suffix or '(none)'!r} is ignored"
@@ -44,12 +52,57 @@ def open_events(path: str | Path, *, sensor: tuple[int, int] | None = None) -> E
     return recording
 
 
-def _title(kind: str) -> str:
+def _opener(kind: Kind) -> Callable[..., EventFile]:
+    """The function that opens recordings of a kind."""
+    match kind:
+        case "evimo_npz":
+            from evimo.formats.evimo_npz import open_evimo_npz as opened
+        case "evimo2":
+            from evimo.formats.evimo2 import open_evimo2 as opened
+        case "hdf5":
+            from evimo.formats.hdf5 import open_hdf5 as opened
+        case "aedat2":
+            from evimo.formats.aedat2 import open_aedat2 as opened
+        case "aedat3":
+            from evimo.formats.aedat3 import open_aedat3 as opened
+        case "aedat4":
+            from evimo.formats.aedat4 import open_aedat4 as opened
+        case "event_stream":
+            from evimo.formats.event_stream import open_event_stream as opened
+        case "rosbag1":
+            from evimo.formats.bags import open_rosbag1 as opened
+        case "rosbag2":
+            from evimo.formats.bags import open_rosbag2 as opened
+        case "prophesee_raw":
+            from evimo.formats.prophesee_raw import open_prophesee_raw as opened
+        case "prophesee_dat":
+            from evimo.formats.prophesee_dat import open_prophesee_dat as opened
+        case _:
+            from evimo.formats.text import open_text as opened
+    return opened
+
+
+def _used(path: Path, kind: Kind, options: dict[str, str | None]) -> dict[str, str]:
+    """The options that were given and mean something for files of this kind; of the others a warning says so."""
+    given = {name: value for name, value in options.items() if value is not None}
+    for name in given.keys() - OPTIONS.get(kind, set()):
+        text = f"{path.name} holds {_title(kind)}: --{name.replace('_', '-')} means nothing for it and is ignored"
+        warnings.warn(text, EvimoWarning, stacklevel=3)
+    return {name: value for name, value in given.items() if name in OPTIONS.get(kind, set())}
+
+
+def _title(kind: Kind) -> str:
     titles = {
         "evimo_npz": "a NumPy archive",
+        "evimo2": "an EVIMO2 folder",
+        "hdf5": "HDF5",
         "aedat2": "an AEDAT 2 recording",
+        "aedat3": "an AEDAT 3 recording",
         "aedat4": "an AEDAT 4 recording",
         "event_stream": "an Event Stream",
         "rosbag1": "a ROS 1 bag",
+        "rosbag2": "a ROS 2 bag",
+        "prophesee_raw": "a Prophesee RAW recording",
+        "prophesee_dat": "a Prophesee DAT recording",
     }
     return titles.get(kind, "text events")

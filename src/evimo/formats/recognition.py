@@ -5,31 +5,53 @@ from pathlib import Path
 from typing import Literal
 
 from evimo.errors import BadFile, NotFound
+from evimo.formats.prophesee_header import DAT_MARK, RAW_MARK, header_of, sample, words_encoding
+from evimo.formats.rosbag2 import METADATA, is_folder_of_bag
+from evimo.formats.text_source import encoding_of, packing, unpacked_start
 
-Kind = Literal["evimo_npz", "evimo2", "aedat2", "aedat4", "event_stream", "rosbag1", "text"]
+Kind = Literal[
+    "evimo_npz",
+    "evimo2",
+    "hdf5",
+    "aedat2",
+    "aedat3",
+    "aedat4",
+    "event_stream",
+    "rosbag1",
+    "rosbag2",
+    "prophesee_raw",
+    "prophesee_dat",
+    "text",
+]
 
 SUFFIXES: dict[Kind, tuple[str, ...]] = {
     "evimo_npz": (".npz",),
     "evimo2": (".npy", ".json", ".npz"),
+    "hdf5": (".h5", ".hdf5", ".hdf"),
     "aedat2": (".aedat", ".aedat2", ".dat"),
+    "aedat3": (".aedat", ".aedat3"),
     "aedat4": (".aedat4",),
     "event_stream": (".es",),
     "rosbag1": (".bag",),
-    "text": (".txt", ".csv", ".tsv", ".dat", ""),
+    "rosbag2": (".db3", ".mcap", ".yaml"),
+    "prophesee_raw": (".raw",),
+    "prophesee_dat": (".dat",),
+    "text": (".txt", ".csv", ".tsv", ".dat", ".gz", ".zst", ""),
 }
 STARTS: dict[bytes, Kind] = {
     b"PK\x03\x04": "evimo_npz",
+    b"\x89HDF": "hdf5",
     b"#!AER-DAT2": "aedat2",
+    b"#!AER-DAT3": "aedat3",
     b"#!AER-DAT4": "aedat4",
     b"Event Stream": "event_stream",
     b"#ROSBAG V2": "rosbag1",
+    b"SQLite format 3": "rosbag2",
+    b"\x89MCAP": "rosbag2",
 }
 # Recognised, and said to be so, until their readers exist.
 NOT_YET = {
-    b"#!AER-DAT": ("AEDAT 1 or 3", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
-    b"\x89HDF": ("HDF5", "write the events as text: one line `t x y p` each"),
-    b"SQLite format 3": ("a ROS 2 bag (db3)", "convert it to a ROS 1 bag: rosbags-convert --src DIR --dst FILE.bag"),
-    b"\x89MCAP": ("a ROS 2 bag (mcap)", "convert it to a ROS 1 bag: rosbags-convert --src DIR --dst FILE.bag"),
+    b"#!AER-DAT": ("AEDAT 1", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
     b"\x93NUMPY": ("a single NumPy array", "save it as numpy.savez(FILE.npz, events=…) with columns t x y p"),
 }
 NO_RECORDING = {
@@ -40,8 +62,32 @@ NO_RECORDING = {
     b"\x89PNG": ("a picture", "give an event recording"),
     b"\xff\xd8\xff": ("a picture", "give an event recording"),
 }
+# Texts that stand where a recording should be: what their beginning says they are.
+POINTERS = {
+    rb"version https://git-lfs": ("a git-lfs pointer, not the recording itself", "fetch it with `git lfs pull`"),
+    rb"(\.\./)*(\.git)?/?annex/objects/": (
+        "a git-annex pointer, not the recording itself",
+        "fetch it with `git annex get`",
+    ),
+    rb"\s*<(!doctype\s+html|html|head|body)\b": (
+        "a web page (HTML), not the recording itself",
+        "download the file itself: its address led to a page, such as one to log in or to confirm",
+    ),
+    rb"\s*<(\?xml|opencv_storage)": (
+        "an XML file, no recording",
+        "give an event recording; a calibration goes to --calibration",
+    ),
+    rb"\s*%YAML": ("a YAML file, no recording", "give an event recording; a calibration goes to --calibration"),
+    rb"\s*[{\[]\s*[\"{\[]": (
+        "a JSON file, no recording",
+        "give an event recording; a calibration goes to --calibration",
+    ),
+}
 PICKLE = re.compile(rb"\x80[\x02-\x05]|\(dp\d|c\w+\n\w+\n")
-READABLE = "EV-IMO npz, EVIMO2 folder, text or CSV (t x y p), AEDAT 2 and 4, Event Stream (.es), ROS 1 bag"
+READABLE = (
+    "EV-IMO npz, EVIMO2 folder, HDF5, text or CSV (t x y p), AEDAT 2, 3 and 4, Event Stream (.es), ROS 1 and 2 bags, "
+    "Prophesee RAW and DAT"
+)
 
 
 def recognised(path: Path) -> Kind:
@@ -55,7 +101,11 @@ def recognised(path: Path) -> Kind:
         raise NotFound(f"there is no {path}", fix="check the path")
     if path.is_dir() or (path.name.startswith("dataset_") and (path.parent / "dataset_events_t.npy").exists()):
         return _folder(path if path.is_dir() else path.parent)
+    if path.name == METADATA and is_folder_of_bag(path.parent):
+        return "rosbag2"
     start = _start(path)
+    if packing(path):
+        return _packed(path, start)
     for magic, kind in STARTS.items():
         if start.startswith(magic):
             return kind
@@ -72,6 +122,19 @@ def recognised(path: Path) -> Kind:
     return _text_or_prophesee(path, start)
 
 
+def _packed(path: Path, start: bytes) -> Kind:
+    """Text, if that is what was compressed.
+
+    Raises:
+        BadFile: another file was.
+    """
+    inside = unpacked_start(path)
+    if inside and not _binary(inside):
+        return _text_or_prophesee(path, inside)
+    what, fix = next(words for magic, words in NO_RECORDING.items() if start.startswith(magic))
+    raise BadFile(f"{path.name} is {what}, and no text", fix=fix)
+
+
 def _start(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
@@ -86,39 +149,40 @@ def _start(path: Path) -> bytes:
 def _folder(path: Path) -> Kind:
     if (path / "dataset_events_t.npy").exists():
         return "evimo2"
-    if (path / "metadata.yaml").exists():
-        what, fix = NOT_YET[b"SQLite format 3"]
-        raise BadFile(f"{path} is {what}, which is not supported yet", fix=fix)
+    if is_folder_of_bag(path):
+        return "rosbag2"
     raise BadFile(
-        f"the folder {path} holds no EVIMO2 recording (dataset_events_t.npy)", fix="give the recording's own file"
+        f"the folder {path} holds no EVIMO2 recording (dataset_events_t.npy) and no ROS 2 bag (db3, mcap)",
+        fix="give the recording's own file",
     )
 
 
 def _text_or_prophesee(path: Path, start: bytes) -> Kind:
-    """Prophesee's files open with lines of `% key value` before bytes; text may open with such comments too."""
-    body = re.sub(rb"\A(%[^\n]*\n)+", b"", start)
-    if re.match(rb"% .*(Version|[Dd]ate|evt|format|geometry|Data file)", start) and _binary(body):
-        version = re.search(rb"evt (\d\.\d)|format (EVT\d+)|Event2dE|Event2d", start)
-        what = version[0].decode() if version else "EVT 2"
-        raise BadFile(
-            f"{path.name} is a Prophesee recording ({what}), which is not supported yet",
-            fix="export it as CSV (t x y p, whole µs) or as an event_camera_msgs bag",
-        )
-    if _binary(start):
-        raise BadFile(
-            f"{path.name} is no event recording: its content is of no known format", fix=f"give one of: {READABLE}"
-        )
-    return "text"
+    """Prophesee's files open with lines of `% key value` before bytes, or with none; text may open with such too.
+
+    Raises:
+        BadFile: it is neither.
+    """
+    for beginning, (what, fix) in POINTERS.items():
+        if re.match(beginning, start.lstrip(b"\xef\xbb\xbf"), re.IGNORECASE):
+            raise BadFile(f"{path.name} is {what}", fix=fix)
+    head = header_of(start)
+    lines, body = start[: head.length], start[head.length :]
+    if DAT_MARK.search(lines) and (_binary(body) or not body):
+        return "prophesee_dat"
+    if RAW_MARK.search(lines) or ({"format", "Version"} & head.fields.keys() and _binary(body)):
+        return "prophesee_raw"
+    if not _binary(start):
+        return "text"
+    if words_encoding(sample(path, head.length)):
+        return "prophesee_raw"
+    raise BadFile(
+        f"{path.name} is no event recording: its content is of no known format", fix=f"give one of: {READABLE}"
+    )
 
 
 def _binary(start: bytes) -> bool:
     """Whether bytes are there that text does not have."""
-    return bool(re.search(rb"[^\t\n\r\x20-\x7e\x80-\xff]", start)) or (not start.isascii() and _not_utf8(start))
-
-
-def _not_utf8(start: bytes) -> bool:
-    try:
-        start[:-4].decode()
-    except UnicodeDecodeError:
-        return True
-    return False
+    if encoding := encoding_of(start):
+        start = start[: len(start) // 2 * 2].decode(encoding, errors="replace").encode()
+    return bool(re.search(rb"[^\t\n\r\f\x20-\x7e\x80-\xff]", start))

@@ -1,191 +1,213 @@
-"""ROS 1 bags with events: dvs_msgs, prophesee_event_msgs, event_camera_msgs."""
+"""ROS 1 bags (version 2.0) chunk by chunk: the index gives chunks only, so that hours need little memory.
 
+A bag without its index (the recorder died, the copy was cut) is walked from the front and used as far as it goes.
+"""
+
+import bz2
 import struct
-import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Set
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO
 
-from evimo.errors import BadFile, EvimoWarning
-from evimo.events.events import Events, joined
-from evimo.formats.bag_records import Bag, ChunkPlace, open_bag
-from evimo.formats.event_file import EventFile, FoundCamera, found_camera
-from evimo.formats.event_messages import ARRAYS, PACKETS, Decoder, PacketDecoder, array_events, image_size
-from evimo.formats.rosbag1_gyroscope import bag_gyroscope
-from evimo.formats.survey import no_events_in
-from evimo.geometry.camera import Camera
+import lz4.frame
 
-MARGIN_US = 1_000_000  # between an event and the recording of its message
-DRIFT = 1e-4  # of the sensor's clock against the recorder's
-SAME_CLOCK_US = 60_000_000  # a sensor's own clock differs from the recorder's by years
-CONTENTS = {
-    "frames": ("Image", "CompressedImage"),
-    "IMU": ("Imu",),
-    "poses": ("Subject", "PoseStamped", "TransformStamped", "Odometry", "PoseWithCovarianceStamped"),
-    "camera info": ("CameraInfo",),
-}
+from evimo.errors import BadFile
+from evimo.formats.bag_messages import Connection, Message
+
+MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 5, 6, 7
+UNPACK_U4 = struct.Struct("<I").unpack_from
 
 
 @dataclass(frozen=True, slots=True)
-class EventTopic:
-    """The events of one topic of a bag.
+class ChunkPlace:
+    """Where a chunk lies, the times of its messages, and how many there are by connection."""
 
-    clocks_us: a message's time by the recorder, and of its last event by the sensor.
+    offset: int
+    start_ns: int
+    stop_ns: int
+    counts: dict[int, int]
+
+
+@dataclass(slots=True)
+class Rosbag1:
+    """A ROS 1 bag.
+
+    publishers: topic and kind of each connection.
+    cut_short:  whether the chunks had to be found without the index.
     """
 
-    bag: Bag
-    connection: int
-    clocks_us: tuple[int, int] = (0, 0)
+    path: Path
+    publishers: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])
+    chunks: list[ChunkPlace] = field(default_factory=list[ChunkPlace])
+    cut_short: bool = False
+    title: str = "ROS 1 bag"
+    cdr: bool = False
 
-    def chunks(self) -> list[ChunkPlace]:
-        """The chunks with events."""
-        return [chunk for chunk in self.bag.chunks if chunk.counts.get(self.connection)]
+    @property
+    def stop_ns(self) -> int:
+        """The time of the last message, by the recorder."""
+        return max((chunk.stop_ns for chunk in self.chunks), default=0)
 
-    def expected_us(self, recorded_ns: int) -> int:
-        """About the sensor's time at a time of the recorder."""
-        recorded_us, event_us = self.clocks_us
-        return event_us + recorded_ns // 1000 - recorded_us
+    @property
+    def damage(self) -> str:
+        """That the index is gone."""
+        return f"has lost its index: its {len(self.chunks):,} readable chunks are used" if self.cut_short else ""
 
-    def of_stamp(self, stamp_ns: int) -> int:
-        """The events' time at another message's stamp, which events share unless they are in the sensor's own clock."""
-        recorded_us, event_us = self.clocks_us
-        return stamp_ns // 1000 if abs(recorded_us - event_us) < SAME_CLOCK_US else self.expected_us(stamp_ns)
+    @property
+    def connections(self) -> dict[int, Connection]:
+        """Publishers with their numbers of messages."""
+        counts: dict[int, int] = {}
+        for chunk in self.chunks:
+            for name, count in chunk.counts.items():
+                counts[name] = counts.get(name, 0) + count
+        return {name: Connection(topic, kind, counts.get(name, 0)) for name, (topic, kind) in self.publishers.items()}
 
-    def compared(self) -> "EventTopic":
-        """The same with its clocks compared at the first message that has events.
+    def messages(self, wanted: Set[int], start_ns: int | None = None) -> Iterator[Message]:
+        """The messages of the wanted connections from the first chunk on that does not end before start_ns."""
+        chunks = [chunk for chunk in self.chunks if wanted & chunk.counts.keys()]
+        sooner = [at for at, chunk in enumerate(chunks) if start_ns is not None and chunk.stop_ns < start_ns]
+        for chunk in chunks[sooner[-1] + 1 if sooner else 0 :]:
+            yield from self._of_chunk(chunk, wanted)
 
-        Raises:
-            BadFile: none has.
-        """
-        decode = self.decoder()
-        for chunk in self.chunks():
-            for _, time_ns, payload in self.bag.messages(chunk, {self.connection}):
-                if len(events := self._decoded(decode, payload, 0)):
-                    return EventTopic(self.bag, self.connection, (time_ns // 1000, int(events.t.max())))
-        raise no_events_in(self.bag.path)
-
-    def decoder(self) -> Decoder:
-        """A decoder for this topic's kind of message."""
-        array = self.bag.connections[self.connection].kind in ARRAYS
-        return array_events if array else PacketDecoder(self.bag.path.name)
-
-    def packets(self, chunks: list[ChunkPlace]) -> Iterator[Events]:
-        """One packet per chunk."""
-        decode = self.decoder()
-        for chunk in chunks:
-            messages = self.bag.messages(chunk, {self.connection})
-            yield joined(
-                [self._decoded(decode, payload, self.expected_us(time_ns)) for _, time_ns, payload in messages]
-            )
-
-    def _decoded(self, decode: Decoder, payload: memoryview, expected_us: int) -> Events:
-        try:
-            return decode(payload, expected_us)
-        except (struct.error, ValueError) as error:
-            topic = self.bag.connections[self.connection].topic
-            raise BadFile(f"{self.bag.path.name}: a message of {topic} is damaged", fix="copy it again") from error
-
-    def read(self, start_us: int) -> Iterator[Events]:
-        """Packets from a chunk on before which all was recorded before start_us."""
-        recorded_us, event_us = self.clocks_us
-        elapsed = start_us - event_us
-        recorded = recorded_us + elapsed - MARGIN_US - int(abs(elapsed) * DRIFT)
-        chunks = self.chunks()
-        before = [at for at, chunk in enumerate(chunks) if chunk.stop_ns // 1000 < recorded]
-        return self.packets(chunks[before[-1] + 1 if before else 0 :])
+    def _of_chunk(self, chunk: ChunkPlace, wanted: Set[int]) -> Iterator[Message]:
+        with self.path.open("rb") as file:
+            file.seek(chunk.offset)
+            _, fields = _header(file)
+            body = _unpacked(file.read(_u4(file)), fields)
+        for op, fields, payload in _records(body):
+            try:
+                connection, time_ns = UNPACK_U4(fields[b"conn"])[0], _time(fields[b"time"])
+            except (KeyError, struct.error):  # of another kind, or damaged
+                continue
+            if op == MESSAGE and connection in wanted:
+                yield Message(connection, time_ns, payload)
 
 
-def open_rosbag1(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
-    """Open the events of a ROS 1 bag; of several topics with events, the one with the most messages.
-
-    Times are the events' own: absolute, but the sensor's clock in the encoding evt3.
+def open_bag(path: Path) -> Rosbag1:
+    """Read the index, or where there is none walk the chunks.
 
     Raises:
-        BadFile: no topic with events, an unknown encoding, or nothing readable.
+        BadFile: encrypted, or nothing in it is readable.
     """
-    bag = open_bag(path)
-    topic, size = _event_topic(bag)
-    topic = topic.compared()
-    first = next(filter(len, topic.packets(topic.chunks())))
-    last = next(filter(len, (joined(list(topic.packets([chunk]))) for chunk in reversed(topic.chunks()))))
-    if bag.cut_short:
-        text = f"{path.name} has lost its index: its {len(bag.chunks):,} readable chunks are used; was it cut short?"
-        warnings.warn(text, EvimoWarning, stacklevel=3)
-    if sensor is None and min(size) < 1:
-        raise BadFile(f"{path.name} does not tell its sensor's size", fix="give it with --sensor WxH")
-    return EventFile(
-        path=path,
-        format=f"ROS 1 bag ({bag.connections[topic.connection].kind})",
-        sensor=sensor or size,
-        start_us=int(first.t.min()),
-        stop_us=int(last.t.max()) + 1,
-        read=topic.read,
-        camera=_camera(bag, topic.connection, sensor or size),
-        read_gyroscope=lambda: bag_gyroscope(bag, topic.connection, topic.of_stamp),
-        contents=_contents(bag),
-    )
+    with path.open("rb") as file:
+        file.readline()
+        try:
+            _, fields = _header(file)
+            index = struct.unpack("<Q", fields[b"index_pos"])[0]
+            if fields.get(b"encryptor"):
+                raise BadFile(f"{path.name} is an encrypted bag", fix="decrypt it first")
+            if 0 < index < path.stat().st_size:
+                return _indexed(path, file, index)
+        except (struct.error, KeyError, EOFError):
+            pass
+    bag = _walked(path)
+    if not bag.chunks:
+        raise BadFile(f"{path.name} is a bag without a readable chunk", fix="copy or record it again: it was cut short")
+    return bag
 
 
-def _event_topic(bag: Bag) -> tuple[EventTopic, tuple[int, int]]:
-    """The topic with the most event messages, and the sensor's size."""
-    found = [name for name, connection in bag.connections.items() if connection.kind in ARRAYS + PACKETS]
-    if not any(bag.count(name) for name in found):
-        topics = ", ".join(sorted(connection.topic for connection in bag.connections.values())[:8])
-        raise BadFile(
-            f"{bag.path.name} holds no event messages, only {topics or 'nothing'}",
-            fix=f"give a bag with one of: {', '.join(ARRAYS + PACKETS)}",
-        )
-    chosen = max(found, key=bag.count)
-    if others := [bag.connections[name].topic for name in found if name != chosen]:
-        read, left = bag.connections[chosen].topic, ", ".join(others)
-        text = f"{bag.path.name} has {len(found)} topics with events: {read} is read, not {left}"
-        warnings.warn(text, EvimoWarning, stacklevel=4)
-    topic = EventTopic(bag, chosen)
-    return topic, image_size(next(bag.messages(topic.chunks()[0], {chosen})).payload)
+def _indexed(path: Path, file: IO[bytes], index: int) -> Rosbag1:
+    bag = Rosbag1(path)
+    file.seek(index)
+    for op, fields, data in _records(memoryview(file.read())):
+        if op == CONNECTION:
+            bag.publishers[UNPACK_U4(fields[b"conn"])[0]] = _connection(fields, data)
+        elif op == CHUNK_INFO:
+            counts = dict(struct.iter_unpack("<II", data))
+            start, stop = _time(fields[b"start_time"]), _time(fields[b"end_time"])
+            bag.chunks.append(ChunkPlace(struct.unpack("<Q", fields[b"chunk_pos"])[0], start, stop, counts))
+    if not bag.publishers:
+        raise EOFError
+    return bag
 
 
-def _contents(bag: Bag) -> dict[str, str]:
-    """What else is in the bag: name to topics with their numbers of messages."""
-    contents: dict[str, list[str]] = {}
-    for name, connection in bag.connections.items():
-        kind = connection.kind.rpartition("/")[2]
-        words = next((words for words, kinds in CONTENTS.items() if kind in kinds), "other")
-        words = "event topics" if connection.kind in ARRAYS + PACKETS else words
-        contents.setdefault(words, []).append(f"{connection.topic} ({bag.count(name):,})")
-    return {words: ", ".join(topics) for words, topics in contents.items()}
+def _walked(path: Path) -> Rosbag1:
+    bag = Rosbag1(path, cut_short=True)
+    with path.open("rb") as file:
+        file.readline()
+        try:
+            while True:
+                offset = file.tell()
+                op, fields = _header(file)
+                size = _u4(file)
+                if op == CHUNK:
+                    _add_chunk(bag, offset, _unpacked(file.read(size), fields))
+                else:
+                    file.seek(size, 1)
+        except (struct.error, KeyError, EOFError):
+            return bag
 
 
-def _camera(bag: Bag, events: int, size: tuple[int, int]) -> FoundCamera | None:
-    """Intrinsics of a CameraInfo of the same size, best of the same namespace."""
-    near = bag.connections[events].topic.rpartition("/")[0]
-    names = [name for name, connection in bag.connections.items() if connection.kind == "sensor_msgs/CameraInfo"]
-    for name in sorted(names, key=lambda name: bag.connections[name].topic.rpartition("/")[0] != near):
-        for chunk in (chunk for chunk in bag.chunks if chunk.counts.get(name)):
-            message = next(bag.messages(chunk, {name}))
-            payload, source = message.payload, f"{bag.connections[name].topic} in the bag"
-            found = found_camera(partial(_camera_info, payload), source)
-            if found and found.camera.size == size:
-                return found
-            break
-    return None
+def _add_chunk(bag: Rosbag1, offset: int, body: memoryview) -> None:
+    times: list[int] = []
+    counts: dict[int, int] = {}
+    for op, fields, data in _records(body):
+        connection = UNPACK_U4(fields[b"conn"])[0]
+        if op == CONNECTION:
+            bag.publishers[connection] = _connection(fields, data)
+        elif op == MESSAGE:
+            times.append(_time(fields[b"time"]))
+            counts[connection] = counts.get(connection, 0) + 1
+    if times:
+        bag.chunks.append(ChunkPlace(offset, min(times), max(times), counts))
 
 
-def _camera_info(payload: memoryview) -> Camera | None:
-    from rosbags.typesys import Stores, get_typestore
+def _connection(fields: dict[bytes, bytes], data: memoryview) -> tuple[str, str]:
+    return fields[b"topic"].decode(), _fields(bytes(data))[b"type"].decode()
 
-    info: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(payload, "sensor_msgs/msg/CameraInfo")
-    fx, _, cx, _, fy, cy = (float(value) for value in info.K[:6])
-    if fx == fy == 0:  # a driver's way to say that nobody calibrated
-        return None
-    return Camera(
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-        height=int(info.height),
-        width=int(info.width),
-        distortion=tuple(float(value) for value in info.D),
-        lens="fisheye" if info.distortion_model in ("equidistant", "fisheye") else "radtan",
-    )
+
+def _unpacked(data: bytes, fields: dict[bytes, bytes]) -> memoryview:
+    """A chunk's records; of a chunk cut short those that are there, if it is not compressed."""
+    compression = fields[b"compression"]
+    try:
+        if compression == b"bz2":
+            return memoryview(bz2.decompress(data))
+        if compression == b"lz4":
+            return memoryview(lz4.frame.decompress(data))
+    except (ValueError, OSError, RuntimeError, EOFError):
+        return memoryview(b"")
+    return memoryview(data)
+
+
+def _records(body: memoryview) -> Iterator[tuple[int, dict[bytes, bytes], memoryview]]:
+    """Kind, fields and data of each whole record."""
+    at = 0
+    while at + 4 <= len(body):
+        data_at = at + 4 + UNPACK_U4(body, at)[0]
+        if data_at + 4 > len(body):
+            return
+        stop = data_at + 4 + UNPACK_U4(body, data_at)[0]
+        if stop > len(body):
+            return
+        fields = _fields(bytes(body[at + 4 : data_at]))
+        yield fields[b"op"][0], fields, body[data_at + 4 : stop]
+        at = stop
+
+
+def _header(file: IO[bytes]) -> tuple[int, dict[bytes, bytes]]:
+    fields = _fields(file.read(_u4(file)))
+    return fields[b"op"][0], fields
+
+
+def _fields(raw: bytes) -> dict[bytes, bytes]:
+    fields: dict[bytes, bytes] = {}
+    at = 0
+    while at + 4 <= len(raw):
+        stop = at + 4 + UNPACK_U4(raw, at)[0]
+        name, _, value = raw[at + 4 : stop].partition(b"=")
+        fields[name] = value
+        at = stop
+    return fields
+
+
+def _u4(file: IO[bytes]) -> int:
+    raw = file.read(4)
+    if len(raw) < 4:
+        raise EOFError
+    return UNPACK_U4(raw)[0]
+
+
+def _time(raw: bytes) -> int:
+    seconds, nanoseconds = struct.unpack("<II", raw)
+    return seconds * 10**9 + nanoseconds

@@ -1,7 +1,11 @@
 """Write events alone, in the formats of the sensors' makers: AEDAT 4 (iniVation) and RAW (Prophesee, EVT 2.0)."""
 
+import errno
 import importlib
+import subprocess
+import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +14,9 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadInput, MissingExtra
 from evimo.events.events import Events
+from evimo.formats import aedat4_process
 from evimo.writing import new_file
 
-PACKET = 10_000  # events of AEDAT 4 are found by packet
 CD_ON, TIME_HIGH = 1 << 28, 8 << 28
 TIME_LOW_BITS, TIME_HIGH_BITS, X_BITS = 6, 28, 11
 RAW_LARGEST = 1 << X_BITS  # px
@@ -46,18 +50,23 @@ def save_events(packets: Iterable[Events], path: Path, *, size: tuple[int, int])
 
 
 def save_aedat4(packets: Iterable[Events], path: Path, size: tuple[int, int]) -> None:
-    """Write AEDAT 4 with LZ4, through dv-processing, which takes events one by one: about 0.7 million per second."""
-    dv = _dv_processing()
-    settings = dv.io.MonoCameraWriter.EventOnlyConfig("evimo", (size[1], size[0]), dv.CompressionType.LZ4)
-    writer = dv.io.MonoCameraWriter(str(path), settings)
-    for packet in packets:
-        for first in range(0, len(packet), PACKET):
-            part, store = packet.part(first, first + PACKET), dv.EventStore()
-            columns = (part.t, part.x, part.y, part.p > 0)
-            for event in zip(*(column.tolist() for column in columns), strict=True):
-                store.push_back(*event)
-            writer.writeEvents(store)
-    del writer  # it writes the table of packets when it goes
+    """Write AEDAT 4 with LZ4, through dv-processing, which takes events one by one: about 0.7 million per second.
+
+    Raises:
+        OSError: the process that writes has ended, as it does when the disk is full.
+    """
+    _dv_processing()
+    command = [sys.executable, "-P", aedat4_process.__file__, str(path), str(size[1]), str(size[0])]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    with suppress(BrokenPipeError), process:
+        assert process.stdin is not None
+        for packet in filter(len, packets):
+            process.stdin.write(len(packet).to_bytes(8, "little"))
+            for column, kind in zip((packet.t, packet.x, packet.y, packet.p), aedat4_process.COLUMNS, strict=True):
+                process.stdin.write(column.astype(kind, copy=False).tobytes())
+        process.stdin.write((-1).to_bytes(8, "little", signed=True))
+    if process.returncode:
+        raise OSError(errno.EIO, "the disk is full, or cannot be written any more", str(path))
 
 
 def save_raw(packets: Iterable[Events], path: Path, size: tuple[int, int]) -> None:
@@ -93,7 +102,7 @@ def _dv_processing() -> Any:
     try:
         return importlib.import_module("dv_processing")
     except ImportError as error:
-        raise MissingExtra("AEDAT 4 is written through dv-processing", fix='pip install "evimo[formats]"') from error
+        raise MissingExtra("AEDAT 4 is written through dv-processing", extra="formats") from error
 
 
 SAVE = {"aedat4": save_aedat4, "raw": save_raw}

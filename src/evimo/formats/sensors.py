@@ -3,10 +3,15 @@
 import re
 import warnings
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from evimo.errors import BadFile, BadInput, EvimoWarning
 
 # (height, width), smallest first: DVS128, DAVIS240, ATIS, DVXplorer Lite, DAVIS346, HVGA, VGA, HD
+NOWHERE = 65535
 KNOWN_SENSORS = ((128, 128), (180, 240), (240, 304), (240, 320), (260, 346), (320, 480), (480, 640), (720, 1280))
 
 
@@ -20,6 +25,25 @@ def sensor_size(written: str) -> tuple[int, int]:
     if not match or min(width := int(match[1]), height := int(match[2])) < 1:
         raise BadInput(f"{written!r} is not a sensor size", fix="width x height in pixels, as in --sensor 346x260")
     return height, width
+
+
+def size_in_words(sensor: tuple[int, int]) -> str:
+    """Return a size as users write it, as in 346x260."""
+    return f"{sensor[1]}x{sensor[0]}"
+
+
+def whole_pixels(values: NDArray[Any]) -> NDArray[np.uint16]:
+    """Return whole pixels, rounded; what cannot be one becomes 65535, which is outside every sensor."""
+    if values.dtype.kind == "u" and values.dtype.itemsize <= 2:
+        return values.astype(np.uint16)
+    inside = (values > -0.5) & (values < NOWHERE)
+    return np.where(inside, np.rint(np.where(inside, values, 0)), NOWHERE).astype(np.uint16)
+
+
+def fitting_sensor(extent: tuple[int, int]) -> tuple[int, int]:
+    """Return the smallest known sensor that holds so many rows and columns; so many themselves, if none does."""
+    height, width = extent
+    return next((known for known in KNOWN_SENSORS if height <= known[0] and width <= known[1]), extent)
 
 
 def assumed_sensor(path: Path, extent: tuple[int, int]) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 """The first pass over a file without an index: its span, its extent, and where to begin reading for a given time."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -9,29 +9,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
-from evimo.events.events import Events
+from evimo.events.events import Events, no_events
+from evimo.formats.clock import Clock, Faults
+from evimo.formats.event_file import refuse_disorder
 
 Place = TypeVar("Place")
+LONG_AGO = int(np.iinfo(np.int64).min)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Survey(Generic[Place]):
-    """What one pass over all blocks of a file found.
+    """What one pass over all blocks of a file found, of the events that keep its clock.
 
-    start_us:   earliest event of the first block.
-    stop_us:    latest event of all + 1.
-    events:     how many.
+    start_us:   earliest event.
+    stop_us:    latest event + 1.
+    events:     how many keep the clock.
     extent:     (height, width), one more than the largest row and column.
     places:     where each block begins, in the reader's own terms.
-    reached_us: the latest time before each block.
+    reached_us: the latest time before each block, or later; never falling.
+    stored:     how many events there are at all.
     """
 
-    start_us: int
-    stop_us: int
-    events: int
-    extent: tuple[int, int]
-    places: list[Place]
-    reached_us: NDArray[np.int64]
+    start_us: int = 0
+    stop_us: int = LONG_AGO
+    events: int = 0
+    extent: tuple[int, int] = (0, 0)
+    places: list[Place] = field(default_factory=list[Place])
+    reached_us: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    stored: int = 0
 
     def block(self, start_us: int) -> int:
         """The number of the last block before which no event is at or after start_us."""
@@ -41,28 +46,44 @@ class Survey(Generic[Place]):
         """Where that block begins."""
         return self.places[self.block(start_us)]
 
+    def add(self, kept: Events) -> None:
+        """Take in events that keep the clock."""
+        if not len(kept):
+            return
+        earliest = int(kept.t.min())
+        self.start_us = min(self.start_us, earliest) if self.events else earliest
+        self.stop_us = max(self.stop_us, int(kept.t.max()) + 1)
+        self.extent = max(self.extent[0], int(kept.y.max()) + 1), max(self.extent[1], int(kept.x.max()) + 1)
+        self.events += len(kept)
+
 
 def surveyed(path: Path, blocks: Iterable[tuple[Place, Events]]) -> Survey[Place]:
     """One pass over (place, events) blocks, keeping two numbers per block.
 
     Raises:
-        BadFile: there is no event.
+        BadFile: there is no event, or their order in time is lost.
     """
-    places: list[Place] = []
-    reached: list[int] = []
-    start, newest, count, height, width = 0, int(np.iinfo(np.int64).min), 0, 0, 0
+    faults = Faults()
+    clock = Clock(faults)
+    survey, reached = Survey[Place](), list[int]()
     for place, events in blocks:
         if not len(events):
             continue
-        start = start if places else int(events.t.min())
-        places.append(place)
-        reached.append(newest)
-        newest = max(newest, int(events.t.max()))
-        count += len(events)
-        height, width = max(height, int(events.y.max()) + 1), max(width, int(events.x.max()) + 1)
-    if not places:
+        before_us = clock.reached_us
+        kept = clock.kept(events)
+        if clock.began_anew:
+            survey, reached = Survey[Place](stored=survey.stored), list[int]()
+        survey.places.append(place)
+        reached.append(before_us if reached else LONG_AGO)
+        survey.stored += len(events)
+        survey.add(kept)
+    survey.add(clock.kept(no_events(), final=True))
+    refuse_disorder(path, faults, survey.events)
+    # An event that waited for its verdict may have been an outlier: what is reached later bounds it.
+    survey.reached_us = np.minimum.accumulate(np.array(reached, np.int64)[::-1])[::-1]
+    if not survey.events:
         raise no_events_in(path)
-    return Survey(start, newest + 1, count, (height, width), places, np.array(reached, np.int64))
+    return survey
 
 
 def no_events_in(path: Path) -> BadFile:

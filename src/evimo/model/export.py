@@ -1,6 +1,7 @@
 """A trained model to two ONNX graphs, one for each pass: any image size, no torch to run them."""
 
 import json
+import os
 import tempfile
 import warnings
 from dataclasses import asdict
@@ -8,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-import onnxruntime
 import torch
 from onnx import helper, numpy_helper
 from torch import Tensor, nn
@@ -125,6 +125,9 @@ def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple
 
 def folded(traced: Path) -> onnx.ModelProto:
     """The graph with constants folded and dead ends cut: half as many nodes, and quick to load."""
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # as streaming.inference
+    import onnxruntime
+
     options = onnxruntime.SessionOptions()
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
     options.log_severity_level = 3

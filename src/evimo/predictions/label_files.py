@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile
 from evimo.formats.npz_members import Archive
-from evimo.formats.npz_rows import Rows
+from evimo.formats.array_rows import Rows
 from evimo.predictions.runs import DAMAGED, facts_of, opened_h5
 
 BLOCK = 65_536  # events

@@ -57,6 +57,7 @@ class Estimate:
                 translation in mean depths per second, rotation in rad/s.
     objects:    the moving objects of this slice.
     event_labels: of the slice's events; None unless asked for.
+    has_events: False where the slice has no event: then nothing is known, `valid` is False and `ego` is NaN everywhere.
     """
 
     t_us: int
@@ -71,6 +72,7 @@ class Estimate:
     ego: NDArray[np.float64]
     objects: tuple[MovingObject, ...]
     event_labels: EventLabels | None = None
+    has_events: bool = True
 
     @property
     def moving(self) -> NDArray[np.bool_]:

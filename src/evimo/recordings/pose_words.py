@@ -7,7 +7,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from evimo.recordings.pose_track import PoseTrack
 
@@ -80,6 +79,8 @@ def _words(poses: F8) -> list[dict[str, dict[str, float]]]:
     """Each of (N, 4, 4) as {t: x y z, rpy: r p y, q: w x y z}, m and rad."""
     if not len(poses):
         return []
+    from scipy.spatial.transform import Rotation  # comes with the extra [simulate]: who writes recordings has it
+
     rotation = Rotation.from_matrix(poses[:, :3, :3])
     angles, quaternions = rotation.as_euler("xyz"), rotation.as_quat()[:, [3, 0, 1, 2]]
     parts = (("t", "xyz", poses[:, :3, 3]), ("rpy", "rpy", angles), ("q", "wxyz", quaternions))

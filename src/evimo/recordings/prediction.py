@@ -21,6 +21,7 @@ class Prediction:
     velocity:      (H, W, 3) of the object that each pixel shows, in the depth's unit per second; 0 on the background.
     flow:          (2, H, W) image velocity on the plane Z = 1, in 1/s.
     valid:         bool, False where it says nothing; None where it speaks of every pixel.
+    has_events:    False where the program says that the slice has none, so that it knows nothing.
     """
 
     moving: NDArray[np.bool_] | None = None
@@ -32,6 +33,7 @@ class Prediction:
     velocity: NDArray[np.float64] | None = None
     flow: NDArray[np.float32] | None = None
     valid: NDArray[np.bool_] | None = None
+    has_events: bool = True
 
 
 def prediction_of(estimate: Estimate) -> Prediction:
@@ -47,6 +49,7 @@ def prediction_of(estimate: Estimate) -> Prediction:
         velocity=velocity_map(estimate.ids.astype(np.int32), {body.id: body.rel_velocity for body in estimate.objects}),
         flow=estimate.flow,
         valid=estimate.valid,
+        has_events=estimate.has_events,
     )
 
 

@@ -19,7 +19,7 @@ from evimo.recordings.truth import Truth
 from evimo.writing import new_folder, remove_leftovers, shown
 
 FORMAT = 1
-ROOM = "a copy of the recordings on a disk with room, which is written once for each"
+ROOM = "more room, or a copy of the recordings on a disk that can be written: each is prepared once, in its folder"
 SUBPIXEL = 64  # steps per px of stored event positions
 NAMES = ("valid", "depth", "ids", "moving", "clutter", "flow", "velocity", "ego")
 EVENT_NAMES = ("event_xy", "event_t", "event_on", "event_first")
@@ -91,9 +91,16 @@ def prepare(folder: Path) -> Path:
     with new_folder(target, fix=ROOM) as unfinished:
         arrays, intrinsics = _arrays(recording.camera, _stored_slices(recording))
         for name, values in arrays.items():
-            np.save(unfinished / f"{name}.npy", values)
+            _save_array(values, unfinished / f"{name}.npy")
         (unfinished / "camera.json").write_text(json.dumps({"intrinsics": intrinsics}))
     return target
+
+
+def _save_array(values: NDArray[Any], path: Path) -> None:
+    """As `np.save`, whose error does not say that the disk is full."""
+    with path.open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, np.lib.format.header_data_from_array_1_0(values))
+        file.write(np.ascontiguousarray(values).data)
 
 
 def open_prepared(folder: Path) -> Prepared:

@@ -1,6 +1,6 @@
 """This room makes recordings with exact truth from a scene and a model of an event camera's pixels.
 
-`recording.simulate_recording` makes one, `dataset.simulate_dataset` many, each from its own seed.
+`recording.simulate_recording` makes one from its `plan.RecordingPlan`, `dataset.simulate_dataset` many.
 """
 
 from evimo.simulate.dataset import simulate_dataset

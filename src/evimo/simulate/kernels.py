@@ -7,15 +7,16 @@ One pixel's functions, shared by both processors (`bands`, `cuda_pixels`). Rando
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from evimo.compiling import njit
 
 NEVER = 1e30
 F8 = NDArray[np.float64]
 
-_jit = numba.njit(nogil=True, error_model="numpy", cache=True)
-_inlined = numba.njit(nogil=True, error_model="numpy", cache=True, inline="always")
+_jit = njit(nogil=True, error_model="numpy")
+_inlined = njit(nogil=True, error_model="numpy", inline="always")
 
 
 class PixelState(NamedTuple):

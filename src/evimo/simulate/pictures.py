@@ -10,6 +10,7 @@ from evimo.recordings.facts import own_version
 from evimo.recordings.recording import Recording
 from evimo.scene.renderer import Renderer
 from evimo.simulate.own_folders import OwnFolders, own_folders_of
+from evimo.simulate.plan import RecordingPlan, told_plan
 from evimo.simulate.recording import SimulatedRecording, simulate_recording
 
 Light = Callable[[int], NDArray[np.float32]]
@@ -41,19 +42,9 @@ def pictures(recording: Recording) -> Light | None:
 
 
 def _made_again(recording: Recording, own: OwnFolders) -> SimulatedRecording | None:
-    meta = recording.meta
+    told = told_plan(recording.meta)
+    told["device"] = "cpu"  # renders alike
     try:
-        return simulate_recording(
-            meta["seed"],
-            set_number=meta["set"],
-            seconds=meta["seconds"],
-            camera=meta["camera_kind"],
-            sensor=meta.get("sensor_kind", "davis346"),
-            size=recording.camera.size,
-            part=meta.get("part"),
-            room=meta.get("room"),
-            own=own,
-            population=meta.get("population", "stress"),
-        )
+        return simulate_recording(RecordingPlan(**told, own=own))
     except (KeyError, TypeError, ValueError, EvimoError):
         return None

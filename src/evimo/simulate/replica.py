@@ -17,7 +17,7 @@ from evimo.errors import BadInput
 from evimo.simulate.dataset import DatasetPlan, write_recording
 from evimo.simulate.film import check_device
 from evimo.simulate.own_folders import OWN, OwnFolders
-from evimo.simulate.recording import SLICE_S
+from evimo.simulate.plan import SLICE_S, RecordingPlan, camera_of
 from evimo.simulate.workers import finished
 from evimo.writing import save_text
 
@@ -104,12 +104,11 @@ class ReplicaPlan:
 
     def dataset(self, sequence: Sequence) -> DatasetPlan:
         """How one sequence is written."""
-        return DatasetPlan(
-            set_number=sequence.set,
-            minutes=sequence.seconds / 60,
+        recording = RecordingPlan(
             seed=sequence.seed,
+            set_number=sequence.set,
             seconds=sequence.seconds,
-            camera="evimo",
+            camera=camera_of("replica"),
             size=self.size,
             part=sequence.part,
             room=sequence.room,
@@ -117,10 +116,11 @@ class ReplicaPlan:
             device=self.device,
             population="replica",
         )
+        return DatasetPlan(first=recording, minutes=sequence.seconds / 60)
 
     def index(self) -> dict[str, object]:
         """What the index says: the plan, and every sequence of it."""
-        height, width = self.dataset(self.sequences[0]).pixels
+        height, width = self.dataset(self.sequences[0]).first.pixels
         own = {name: fact["sha256"] for name, fact in self.own.facts().items()}
         plan = {
             "minutes": self.minutes,

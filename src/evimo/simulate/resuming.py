@@ -6,45 +6,37 @@ from typing import Any
 
 from evimo.errors import BadInput
 from evimo.recordings.facts import facts_of
+from evimo.simulate.plan import RecordingPlan, told_plan
+
+NAMED = ("seed", "set_number")  # what the name of a recording tells
 
 
-def check_made_alike(paths: Iterable[Path], wanted: dict[str, Any]) -> None:
-    """Compare how finished recordings were made with what is `wanted`, by name; only their small JSON is read.
+def check_made_alike(paths: Iterable[Path], plan: RecordingPlan) -> None:
+    """Compare how finished recordings were made with a plan, whose seed and set are any; only their JSON is read.
 
     Raises:
         BadInput: one was made otherwise. BadFile: one does not tell how it was made.
     """
+    height, width = plan.pixels
+    wanted = _as_made(plan.facts() | {"camera": {"height": height, "width": width}})
     for path in paths:
-        made = as_made(facts_of(path))
+        made = _as_made(facts_of(path))
         other = [name for name, value in wanted.items() if made[name] != value]
         if other:
+            was, is_wanted = _words(made, other), _words(wanted, other)
             raise BadInput(
-                f"{path} is there already, made with {_words(made, other)} instead of {_words(wanted, other)}",
-                fix=f"another --out than {path.parent}, or ask for {_words(made, other)} again",
+                f"{path} is there already, made with {was} instead of {is_wanted}",
+                fix=f"another --out than {path.parent}, or ask for {was} again",
             )
 
 
-def as_made(facts: dict[str, Any]) -> dict[str, Any]:
-    """How a recording was made, from its facts; what older versions lacked was fixed."""
-    camera: dict[str, Any] = facts.get("camera", {})
-    return {
-        "sensor": facts.get("sensor_kind", "davis346"),
-        "size": f"{camera.get('width')}x{camera.get('height')}",
-        "camera": facts.get("camera_kind"),
-        "seconds": facts.get("seconds"),
-        "part": facts.get("part"),
-        "room": facts.get("room"),
-        "device": facts.get("device", "cpu"),
-        "population": facts.get("population", "stress"),
-        **own_content(facts),
-    }
-
-
-def own_content(facts: dict[str, Any]) -> dict[str, str]:
-    """What textures and meshes of the user's own it has, by name; folders of the same content are the same."""
+def _as_made(facts: dict[str, Any]) -> dict[str, Any]:
+    """How a recording was made, by name; folders of the user's own that have the same content are the same."""
+    told = told_plan(facts)
+    height, width = told["size"]
     ours = {"textures": "of the package alone", "meshes": "none"}
-    told = {name: facts.get(name) for name in ours}
-    return {name: f"of sha256 {fact['sha256'][:12]}" if fact else ours[name] for name, fact in told.items()}
+    own = {name: f"of sha256 {fact['sha256'][:12]}" if (fact := facts.get(name)) else ours[name] for name in ours}
+    return {name: value for name, value in told.items() if name not in NAMED} | {"size": f"{width}x{height}", **own}
 
 
 def _words(values: dict[str, Any], names: list[str]) -> str:

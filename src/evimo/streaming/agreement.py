@@ -8,10 +8,10 @@ and hurt difficult ones (docs/decisions/0008-neighbours-agree.md).
 
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.compiling import njit
 from evimo.geometry.rectification import Rectification
 from evimo.streaming.inference import Answer
 from evimo.streaming.looks import HALF
@@ -57,7 +57,7 @@ def _log_odds(probability: F4) -> F4:
     return np.log(kept / (1 - kept))
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def _add_along(image, flow, towards, say, total):
     """Add what an image (h, w) holds where each pixel's flow (2, h, w), times `towards`, leads; the border holds on."""
     height, width = image.shape

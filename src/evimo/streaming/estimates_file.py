@@ -3,17 +3,18 @@
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.recordings.estimate import Estimate
+from evimo.streaming.hdf5_file import Hdf5File
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import Background
 
 GROWTH = 256  # slices by which the file grows at a time
 PER_SLICE = {
     "t_us": "µs, the slice's centre in the recording's own time",
+    "has_events": "False: the slice has no events, nothing is known of it, its maps say nothing and ego is NaN",
     "ego": "camera twist relative to the static world, camera axes: vx vy vz in mean depths/s, wx wy wz in rad/s",
     "moving_probability": "255 x probability that the pixel shows something that moves by itself",
     "ids": "0 background, else the number in column `object` of objects.csv",
@@ -25,10 +26,10 @@ PER_SLICE = {
 class EstimatesFile:
     """Writes estimates to one HDF5 file; `close` waits for the last one.
 
-    Datasets, N slices of (H, W) sensor pixels: `t_us` (N,) int64, `ego` (N, 6) float64, `moving_probability`
-    (N, H, W) uint8, `ids` (N, H, W) uint8, `rel_depth` (N, H, W) float16, `confidence` (N, H, W) uint8, and `valid`
-    (H, W) bool, the same for all slices. One slice is one gzip chunk. Each dataset says its unit and meaning in its
-    attribute `meaning`.
+    Datasets, N slices of (H, W) sensor pixels: `t_us` (N,) int64, `has_events` (N,) bool, `ego` (N, 6) float64,
+    `moving_probability` (N, H, W) uint8, `ids` (N, H, W) uint8, `rel_depth` (N, H, W) float16, `confidence` (N, H, W)
+    uint8, and `valid` (H, W) bool, the same for all slices. One slice is one gzip chunk. Each dataset says its unit
+    and meaning in its attribute `meaning`.
     """
 
     def __init__(
@@ -43,12 +44,12 @@ class EstimatesFile:
             watch: counts the writing as stage `maps`.
         """
         self._watch = watch or Stopwatch()
-        self._file = h5py.File(path, "w")
-        self._file.attrs.update(attributes)
-        of_valid = self._file.create_dataset("valid", data=valid, compression="gzip")
+        self._file = Hdf5File(path, attributes=attributes)
+        of_valid = self._file.content.create_dataset("valid", data=valid, compression="gzip")
         of_valid.attrs["meaning"] = "sensor pixels that have a place in the rectified image; elsewhere maps say nothing"
         self._datasets = {
             "t_us": self._dataset("t_us", (), np.int64),
+            "has_events": self._dataset("has_events", (), np.bool_),
             "ego": self._dataset("ego", (6,), np.float64),
             "moving_probability": self._dataset("moving_probability", valid.shape, np.uint8),
             "ids": self._dataset("ids", valid.shape, np.uint8),
@@ -75,13 +76,14 @@ class EstimatesFile:
         packing: dict[str, Any] = {"chunks": (GROWTH, *shape)}
         if len(shape) == 2:
             packing = {"chunks": (1, *shape), "compression": "gzip", "compression_opts": 1, "shuffle": True}
-        dataset = self._file.create_dataset(name, (0, *shape), dtype, maxshape=(None, *shape), **packing)
+        dataset = self._file.content.create_dataset(name, (0, *shape), dtype, maxshape=(None, *shape), **packing)
         dataset.attrs["meaning"] = PER_SLICE[name]
         return dataset
 
     def _append(self, estimate: Estimate) -> None:
         with self._watch.stage("maps"):
             self._put(estimate)
+            self._file.check()
         self._count += 1
 
     def _put(self, estimate: Estimate) -> None:
@@ -90,6 +92,7 @@ class EstimatesFile:
                 dataset.resize(self._count + GROWTH, axis=0)
         values = {
             "t_us": estimate.t_us,
+            "has_events": estimate.has_events,
             "ego": estimate.ego,
             "moving_probability": np.rint(estimate.moving_probability * 255).astype(np.uint8),
             "ids": estimate.ids,

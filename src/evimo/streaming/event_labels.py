@@ -54,6 +54,8 @@ class EventLabeller:
             window: the events of the slice, and of the slices before and after it as far as there are any.
         """
         first, last = np.searchsorted(window.t, (estimate.start_us, estimate.stop_us)).tolist()
+        if not estimate.has_events:
+            return replace(estimate, event_labels=EventLabels(window.part(first, last), np.zeros(0, np.uint8)))
         best, names = np.ones(len(window), np.float32), np.zeros(len(window), np.uint8)
         flow, objects = estimate.flow.copy(), list[MovingObject]()
         for moving in estimate.objects:

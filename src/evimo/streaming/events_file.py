@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from evimo.recordings.estimate import EventLabels
+from evimo.streaming.hdf5_file import Hdf5File
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import Background
 
@@ -36,8 +36,7 @@ class EventsFile:
             watch: counts the writing as stage `events`.
         """
         self._watch = watch or Stopwatch()
-        self._file = h5py.File(path, "w")
-        self._file.attrs.update(attributes)
+        self._file = Hdf5File(path, attributes=attributes)
         self._datasets = {name: self._dataset(name) for name in COLUMNS}
         self._count = 0
         self._writer = Background(self._append)
@@ -56,13 +55,14 @@ class EventsFile:
     def _dataset(self, name: str) -> Any:
         dtype, meaning = COLUMNS[name]
         packing: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-        dataset = self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(CHUNK,), **packing)
+        dataset = self._file.content.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(CHUNK,), **packing)
         dataset.attrs["meaning"] = meaning
         return dataset
 
     def _append(self, labels: EventLabels) -> None:
         with self._watch.stage("events"):
             self._put(labels)
+            self._file.check()
 
     def _put(self, labels: EventLabels) -> None:
         events = labels.events

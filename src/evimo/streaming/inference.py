@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
@@ -159,7 +158,16 @@ class Network:
         return Answer(moving[0, 0], rel_depth[0, 0], ego, velocity[0], flow[0], confidence[0, 0])
 
 
+def _runtime() -> Any:
+    """ONNX Runtime, told before it is loaded to report nothing to its makers, for which it also wants a home."""
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+    import onnxruntime
+
+    return onnxruntime
+
+
 def _session(path: Path, content: bytes, threads: int) -> Any:
+    ort = _runtime()
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     options.log_severity_level = 3  # its warnings concern its makers

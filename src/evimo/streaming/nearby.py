@@ -3,10 +3,10 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.compiling import njit
 from evimo.events.events import Events
 from evimo.geometry.rectification import Rectification
 from evimo.recordings.estimate import Estimate
@@ -66,7 +66,7 @@ def events_near(events: Events, world: World, *, box: tuple[int, int, int, int],
     return _near(part.x, part.y, part.t, world, box, first)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _near(columns, rows, times, world, box, first):
     count, left, top = 0, np.float32(box[0]), np.float32(box[1])
     x, y, t = np.empty(len(times), np.float32), np.empty(len(times), np.float32), np.empty(len(times), np.float32)
@@ -87,7 +87,7 @@ def _near(columns, rows, times, world, box, first):
     return Nearby(x[:count], y[:count], t[:count], static[:, :count], index[:count])
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def static_flow(at_x, at_y, depth, ego, lens):
     """Image velocity (u, v) in px/s of a static point at (at_x, at_y) px: the compiled twin of `motion_field`."""
     x, y = (at_x - lens[2]) / lens[0], (at_y - lens[3]) / lens[1]

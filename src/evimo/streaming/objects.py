@@ -21,6 +21,8 @@ class ObjectFinder:
     """Turns the networks' answers, slice after slice, into estimates in sensor pixels. Remembers ids.
 
     Objects are found in the networks' own pixels, at half the rectified image's size.
+
+    without_events: how many slices had none.
     """
 
     def __init__(self, rectification: Rectification) -> None:
@@ -30,6 +32,9 @@ class ObjectFinder:
         self._smallest_px = smallest_region(self._inside.shape)
         self._identities = Identities()
         self._to_sensor = ToSensor(rectification, step=HALF)
+        self._nothing = np.zeros((2, *self._valid.shape), np.float32)
+        self._nothing.flags.writeable = False  # estimates of slices without events share it
+        self.without_events = 0
 
     @property
     def objects_seen(self) -> int:
@@ -62,6 +67,26 @@ class ObjectFinder:
             valid=self._valid,
             ego=answer.ego,
             objects=measured(ids, rel_depth, rel_velocities(found, answer)),
+        )
+
+    def nothing(self, *, start_us: int, stop_us: int) -> Estimate:
+        """Return the estimate of the next slice [start_us, stop_us) if it has no events: nothing is known of it."""
+        self.without_events += 1
+        self._identities.follow(np.zeros(self._inside.shape, np.uint8))
+        empty = self._nothing[0]
+        return Estimate(
+            t_us=(start_us + stop_us) // 2,
+            start_us=start_us,
+            stop_us=stop_us,
+            moving_probability=empty,
+            ids=empty.astype(np.uint8),
+            rel_depth=empty,
+            flow=self._nothing,
+            confidence=empty,
+            valid=empty > 0,
+            ego=np.full(6, np.nan),
+            objects=(),
+            has_events=False,
         )
 
 

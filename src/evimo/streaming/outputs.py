@@ -40,6 +40,15 @@ class Outputs:
         self._maps = self._events = self._video = None
         network = run.network
         about = {"recording": run.events.path.name, "model": network.name, "model_sha256": network.sha256}
+        try:
+            self._open_wanted(folder, run, about=about, dense=dense, video_speed=video_speed)
+        except BaseException:
+            self.close()
+            raise
+
+    def _open_wanted(
+        self, folder: OutputFolder, run: Run, *, about: dict[str, str], dense: bool, video_speed: float | None
+    ) -> None:
         if dense:
             path, valid = folder.path("estimates.h5"), run.rectification.valid
             maps = EstimatesFile(path, valid, attributes=about, watch=run.stopwatch)

@@ -51,10 +51,10 @@ class Stacked(NamedTuple):
 
 
 class Looked(NamedTuple):
-    """A stack, and what the first pass says of its middle slice."""
+    """A stack, and what the first pass says of its middle slice; None where that has no events."""
 
     stacked: Stacked
-    motion: CameraMotion
+    motion: CameraMotion | None
 
 
 def run(
@@ -90,11 +90,13 @@ def run(
             slice; `imu` is neither.
     """
     recording = _recording(events, sensor, camera if isinstance(camera, Camera) else None)
+    if isinstance(camera, str | Path):
+        camera = load_camera(camera, size=recording.sensor, topic=recording.topic)
     return _estimates(
         Run(
             recording,
             Network(model),
-            camera=load_camera(camera, size=recording.sensor) if isinstance(camera, str | Path) else camera,
+            camera=camera,
             start_s=start_s,
             stop_s=stop_s,
             event_labels=event_labels,
@@ -177,8 +179,9 @@ class Run:
             for stacked in islice(stacks, ALIGNED_OVER):
                 looked.append(self._first(stacked, UNKNOWN))
         self.placed.dropped = 0
-        rates = [each.motion.ego[3:] / SLICE_S for each in looked]
-        return [each.stacked.part.centre_us for each in looked], np.array(rates, np.float64).reshape(-1, 3)
+        seen = [(each.stacked.part.centre_us, each.motion.ego[3:] / SLICE_S) for each in looked if each.motion]
+        rates = [rate for _, rate in seen]
+        return [centre_us for centre_us, _ in seen], np.array(rates, np.float64).reshape(-1, 3)
 
     def slices(self) -> Generator[tuple[Estimate, Events]]:
         """Each slice's estimate and its events; once."""
@@ -200,12 +203,16 @@ class Run:
                 middle = row[AGREEING // 2]
                 if middle is None or not self.span.first <= middle[0].part.index < self.span.last:
                     continue
-                part = middle[0].part
-                with self.stopwatch.stage("agreement"):
-                    answer = self._agreement.of([each and each[1] for each in row])
-                with self.stopwatch.stage("objects"):
-                    estimate = self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
-                yield estimate, middle[0]
+                yield self._estimate(middle[0].part, [each and each[1] for each in row]), middle[0]
+
+    def _estimate(self, part: Slice, row: list[Answer | None]) -> Estimate:
+        """The estimate of a slice from the answers around it; None is of a slice without events, or beyond the ends."""
+        if row[AGREEING // 2] is None:
+            return self.finder.nothing(start_us=part.start_us, stop_us=part.stop_us)
+        with self.stopwatch.stage("agreement"):
+            answer = self._agreement.of(row)
+        with self.stopwatch.stage("objects"):
+            return self.finder.estimate(answer, start_us=part.start_us, stop_us=part.stop_us)
 
     def _labelled(self, labeller: EventLabeller, found: tuple[Estimate, Stacked]) -> tuple[Estimate, Stacked]:
         estimate, stacked = found
@@ -238,6 +245,8 @@ class Run:
         return self._first(stacked, rotation.of_slice(stacked.part.start_us, stacked.part.stop_us))
 
     def _first(self, stacked: Stacked, rotation: NDArray[np.float32]) -> Looked:
+        if not len(stacked.part.events):
+            return Looked(stacked, None)
         with self.stopwatch.stage("first look"):
             seen = self._looks.first(stacked.stack, rotation)
         with self.stopwatch.stage("local motion"):
@@ -254,12 +263,14 @@ class Run:
                 if middle is not None and self.span.first - near <= middle.stacked.part.index < self.span.last + near:
                     yield tuple(_nearest(row, number, middle) for number in range(STACKED))
 
-    def _second_of(self, rotation: Rotation, row: tuple[Looked, ...]) -> tuple[Stacked, Answer]:
+    def _second_of(self, rotation: Rotation, row: tuple[Looked, ...]) -> tuple[Stacked, Answer | None]:
         middle = row[STACKED // 2]
         part = middle.stacked.part
+        if middle.motion is None:
+            return middle.stacked, None
         known = rotation.of_slice(part.start_us, part.stop_us)
         with self.stopwatch.stage("alignment"):
-            first = self._looks.static_motion([each.motion for each in row])
+            first = self._looks.static_motion([each.motion for each in row if each.motion])
             motion = aligned(middle.stacked.stack, first, known_rotation=known[3] > 0)
         with self.stopwatch.stage("second look"):
             seen = self._looks.second(middle.stacked.stack, motion, known)
@@ -269,9 +280,9 @@ class Run:
 
 
 def _nearest(row: tuple[Looked | None, ...], number: int, middle: Looked) -> Looked:
-    """The one at that place, or the nearest to it towards the middle."""
+    """The one at that place, or the nearest to it towards the middle, of those with events."""
     towards = range(number, STACKED // 2, 1 if number < STACKED // 2 else -1)
-    return next((each for k in towards if (each := row[k]) is not None), middle)
+    return next((each for k in towards if (each := row[k]) is not None and each.motion), middle)
 
 
 def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:

@@ -7,8 +7,9 @@ and t in slices about the reference slice's centre. Images (h, w) float32 have a
 is there to be blurred into.
 """
 
-import numba
 import numpy as np
+
+from evimo.compiling import njit
 
 ARM = 20.0
 MARGIN = 3
@@ -16,7 +17,7 @@ STEPS, FIRST_STEP, LONGEST_STEP, LAST_STEP = 14, 0.4, 1.0, 0.02  # of the search
 PEAK = 0.140625  # of an event's own weight, in the middle of a pixel of the blurred image
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def warp_back(x, y, t, motion, centre, at):
     """Where events were at the slice's centre if they moved with `motion`, into `at` (2, N)."""
     u, v, s, r = np.float32(motion[0]), np.float32(motion[1]), np.float32(motion[2] / ARM), np.float32(motion[3] / ARM)
@@ -27,7 +28,7 @@ def warp_back(x, y, t, motion, centre, at):
         at[1, k] = y[k] - t[k] * (v + s * dy + r * dx)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def splat(at, weight, image):
     """Sum weights (N,) at places (2, N) into an image, bilinearly; what falls outside is lost."""
     image[:] = 0
@@ -45,7 +46,7 @@ def splat(at, weight, image):
             image[row + 1, column + 1] += lower * fx
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def read(at, image, into):
     """Read an image at places (2, N), bilinearly, into (N,); outside is 0."""
     height, width = image.shape[0] - 2 * MARGIN, image.shape[1] - 2 * MARGIN
@@ -61,7 +62,7 @@ def read(at, image, into):
             into[k] = (1 - fy) * above + fy * below
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def blur(image, across, into):
     """Blur by the binomial (1 4 6 4 1)/16 in both directions; the outermost two pixels become 0. `across` is room."""
     height, width = image.shape
@@ -78,7 +79,7 @@ def blur(image, across, into):
             target[k] = a * (far_up[k] + far_down[k]) + b * (up[k] + down[k]) + c * level[k]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def sharpness(at, weight, images):
     """Sum of squares of the blurred image of weights at places (2, N); that image is left in images[2] of (3, h, w)."""
     splat(at, weight, images[0])
@@ -92,7 +93,7 @@ def sharpness(at, weight, images):
     return total
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def sharpness_slope(x, y, t, weight, motion, centre, at, images, slope):
     """`sharpness` of events warped back by `motion`, and its exact derivative by the motion, into `slope` (4,).
 
@@ -124,7 +125,7 @@ def sharpness_slope(x, y, t, weight, motion, centre, at, images, slope):
     return total
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def sharpest(x, y, t, weight, start, centre, spread, images):
     """The motion near `start` that makes weighted events sharpest: log sharpness minus half the squared changes over
     `spread` (4,).

@@ -1,6 +1,7 @@
 """The tables of a run: `egomotion.csv`, one row per slice, and `objects.csv`, one row per object and slice."""
 
 import csv
+from contextlib import ExitStack
 from pathlib import Path
 
 from evimo.recordings.estimate import Estimate
@@ -18,7 +19,8 @@ class Tables:
     """Both tables of a run, written as it goes.
 
     t_us is the slice's centre in the recording's own time. `rel_` velocities are in mean depths per second, wx, wy, wz
-    in rad/s, all in camera axes; boxes (last column and row included) and centroids are in sensor px.
+    in rad/s, all in camera axes, and those of a slice without events are empty. Boxes (last column and row included)
+    and centroids are in sensor px.
     """
 
     def __init__(self, egomotion: Path, objects: Path) -> None:
@@ -29,15 +31,16 @@ class Tables:
 
     def write(self, estimate: Estimate) -> None:
         """Add one slice."""
-        self._ego.writerow((estimate.t_us, *_rounded(*estimate.ego)))
+        self._ego.writerow((estimate.t_us, *(_rounded(*estimate.ego) if estimate.has_events else [""] * 6)))
         for one in estimate.objects:
             numbers = _rounded(*one.centroid, one.rel_distance, *one.rel_velocity)
             self._objects.writerow((estimate.t_us, one.id, *one.box, one.area_px, *numbers))
 
     def close(self) -> None:
         """Finish both files."""
-        for file in self._files:
-            file.close()
+        with ExitStack() as both:  # the second one even where the first fails
+            for file in self._files:
+                both.callback(file.close)
 
 
 def _rounded(*numbers: float) -> list[str]:

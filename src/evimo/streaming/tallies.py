@@ -3,9 +3,10 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from evimo.compiling import njit
 
 LABELS = 256  # of a byte; 0 is the background, and is not counted
 F8 = NDArray[np.float64]
@@ -24,7 +25,7 @@ class Extents(NamedTuple):
     sum_y: I8
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def extents(labels):
     """The `Extents` of an image of labels (h, w) uint8."""
     area, sum_x, sum_y = np.zeros(LABELS, np.int64), np.zeros(LABELS, np.int64), np.zeros(LABELS, np.int64)
@@ -42,7 +43,7 @@ def extents(labels):
     return Extents(area, x0, y0, x1, y1, sum_x, sum_y)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def weighted_sums(labels, weights, values):
     """Of each label: the sum of weights (256,), and of weights times values (256, 3) and their squares (256,).
 
@@ -65,7 +66,7 @@ def weighted_sums(labels, weights, values):
     return weight, first, second
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def shared_pixels(labels, others):
     """How many pixels each pair of labels shares, (256, 256) int64; background counts here."""
     shared = np.zeros((LABELS, LABELS), np.int64)

@@ -3,10 +3,10 @@
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.compiling import njit
 from evimo.geometry.rectification import Rectification
 
 F4 = NDArray[np.float32]
@@ -37,7 +37,7 @@ class ToSensor:
         return labels[self._row, self._column]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)
 def read_bilinear(maps, x, y):
     """Maps (C, h, w) float32 read at column x and row y, both (H, W) float32 px; (C, H, W). Outside is the border."""
     count, height, width = maps.shape

@@ -1,5 +1,6 @@
 """What a run shows of itself: learning curves and a few pictures, as CSV files and in TensorBoard."""
 
+import threading
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -63,10 +64,26 @@ def open_curves(out: Path, recordings: Sequence[Prepared], *, step: int) -> Gene
     Raises:
         BadInput: they cannot be written, or the disk is full.
     """
-    with explained(out / "tensorboard"):
+    with explained(out / "tensorboard"), _said_once():
         writer = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
         try:
             with log_rows(out / "log.csv", step) as losses, log_rows(out / "validation.csv", step) as scores:
                 yield Curves(recordings, writer, losses, scores)
         finally:
             writer.close()
+
+
+@contextmanager
+def _said_once() -> Generator[None]:
+    """Keep TensorBoard's thread from printing why it could not write, as its writer raises the same."""
+    usual = threading.excepthook
+
+    def told(failure: threading.ExceptHookArgs, /) -> None:
+        if not isinstance(failure.exc_value, OSError):
+            usual(failure)
+
+    threading.excepthook = told
+    try:
+        yield
+    finally:
+        threading.excepthook = usual

@@ -6,14 +6,14 @@ from itertools import count
 
 from evimo.recordings.prepared import Prepared
 from evimo.scene.drawing.scenes import SETS
+from evimo.simulate.plan import SLICE_S, RecordingPlan, camera_of
 from evimo.simulate.prepared import filmed
-from evimo.simulate.recording import SLICE_S, simulate_recording
+from evimo.simulate.recording import simulate_recording
 
 KEPT = 4  # recordings that a place in the batch draws from at a time
 FIRST_SEED = 10**12  # far from every seed that anybody simulates to test on
 SEEDS_PER_RUN = 10**8
 NEXT_SEED = SEEDS_PER_RUN // 16  # beyond the recordings of any run
-CAMERAS = {"replica": "evimo", "stress": "random"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,14 +65,14 @@ class FilmPlan:
         return found
 
     def _filmed(self, seed: int, population: str, set_number: int) -> Prepared:
-        recording = simulate_recording(
-            seed,
+        plan = RecordingPlan(
+            seed=seed,
             set_number=set_number,
             seconds=self.seconds,
-            camera=CAMERAS[population],
+            camera=camera_of(population),
             size=self.size,
             part="train",
             device=self.device,
             population=population,
         )
-        return filmed(recording)
+        return filmed(simulate_recording(plan))

@@ -1,7 +1,6 @@
 """Scenes drawn and filmed by processes beside the training, never stored."""
 
 import os
-import signal
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from multiprocessing import get_context
@@ -12,6 +11,7 @@ import numba
 
 from evimo.errors import EvimoError
 from evimo.recordings.prepared import Prepared
+from evimo.simulate.lifeline import hang_on
 from evimo.training.data import Samples, samples_of
 from evimo.training.film_plan import FilmPlan
 from evimo.training.sources import Choices, Source
@@ -38,6 +38,7 @@ class _Studio:
         self.plan, self.workers = plan, workers
         self.lines: dict[int, Connection] = {}  # from the worker of each place
         self.processes: list[BaseProcess] = []
+        self.theirs, self.ours = get_context("spawn").Pipe(duplex=False)  # processes end when ours is closed
         self.recordings: dict[tuple[int, int], Prepared] = {}  # by place and generation
         self.samples: dict[int, tuple[range, Samples]] = {}
 
@@ -48,6 +49,8 @@ class _Studio:
 
     def close(self) -> None:
         """End the processes."""
+        self.ours.close()
+        self.theirs.close()
         for process in self.processes:
             process.terminate()
             process.join()
@@ -58,7 +61,9 @@ class _Studio:
         for number in range(crew):
             own = places[number::crew]
             mine, theirs = context.Pipe(duplex=False)
-            process = context.Process(target=_film, args=(self.plan, own, step, theirs, crew), daemon=True)
+            process = context.Process(
+                target=_film, args=(self.plan, own, step, (theirs, self.theirs), crew), daemon=True
+            )
             process.start()
             theirs.close()  # the worker then holds the only other end, and its death is noticed
             self.processes.append(process)
@@ -85,9 +90,10 @@ class _Studio:
         self.recordings[place, generation] = recording
 
 
-def _film(plan: FilmPlan, places: Sequence[int], step: int, line: Connection, crew: int) -> None:
-    """Film until nobody listens any more; Ctrl-C is the parent's."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _film(plan: FilmPlan, places: Sequence[int], step: int, lines: tuple[Connection, Connection], crew: int) -> None:
+    """Film until nobody listens any more to the first line, or the other end of the second is closed."""
+    line, life = lines
+    hang_on(life)
     numba.set_num_threads(max(1, numba.get_num_threads() // crew))
     if plan.device == "cuda":
         from evimo.scene.rays.on_device import cuda

@@ -16,7 +16,7 @@ from evimo.model.presets import PRESETS
 from evimo.model.widening import widened
 from evimo.recordings.prepared import EVENT_NAMES, NAMES, Prepared, open_prepared, prepare, recording_folders
 from evimo.simulate.film import check_device
-from evimo.simulate.populations import check_population
+from evimo.simulate.plan import check_population
 from evimo.simulate.workers import check_workers
 from evimo.training.config import TrainConfig
 from evimo.training.data import Samples, samples_of

@@ -47,7 +47,7 @@ def estimated(estimate: Estimate) -> Moment:
         Mark(one.id, one.box, one.centroid, np.nan_to_num(np.asarray(one.rel_velocity, np.float64)))
         for one in estimate.objects
     )
-    headline = f"{len(marks)} moving object{'' if len(marks) == 1 else 's'}"
+    headline = f"{len(marks)} moving object{'' if len(marks) == 1 else 's'}" if estimate.has_events else "no events"
     ego = np.nan_to_num(estimate.ego)
     return Moment(estimate.t_us, estimate.start_us, estimate.stop_us, ego, marks, headline)
 

@@ -14,7 +14,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numba
+from evimo.compiling import njit
 
 Compiled = Callable[[Any], Any]
 KERNELS = ("compiling", "film", "hits", "mesh_hits", "shading", "shadows", "tiles", "../meshes/trees")
@@ -26,7 +26,7 @@ def compiler(folder: Path, names: tuple[str, ...]) -> Callable[..., Compiled]:
 
     def compiled(**options: Any) -> Compiled:
         def compile_(function: Any) -> Any:
-            made = numba.njit(nogil=True, error_model="numpy", cache=True, **options)(function)
+            made = njit(nogil=True, error_model="numpy", **options)(function)
             index: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)  # not part of numba's interface
             if hasattr(index, "_source_stamp"):
                 index._source_stamp = (index._source_stamp, stamp)

@@ -10,7 +10,7 @@ import numba.core
 import numba.cuda
 import numpy as np
 
-from evimo.errors import BadInput
+from evimo.errors import BadInput, MissingExtra
 
 cuda: Any = numba.cuda  # its annotations know neither kernels nor numpy's types
 SIMULATED = bool(numba.core.config.ENABLE_CUDASIM)  # pyright: ignore[reportAttributeAccessIssue]
@@ -48,6 +48,6 @@ def check_cuda() -> None:
     if SIMULATED:
         return
     if find_spec("numba_cuda") is None:
-        raise BadInput("--device cuda needs numba-cuda", fix="pip install 'evimo[cuda]', or --device cpu")
+        raise MissingExtra("device cuda needs numba-cuda", extra="cuda")
     if not cuda.is_available():
         raise BadInput("no NVIDIA GPU that CUDA can use", fix="--device cpu, or see what nvidia-smi says")

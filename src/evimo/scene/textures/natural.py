@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, NotFound
+from evimo.errors import BadFile, MissingExtra, NotFound
 from evimo.scene.own_files import own_files
 
 F4 = NDArray[np.float32]
@@ -41,7 +41,7 @@ def installed(pool: int) -> Photos:
     """
     spec = find_spec("skimage")
     if spec is None or not spec.submodule_search_locations:
-        raise NotFound("scikit-image, whose photos are textures, is not installed", fix="pip install scikit-image")
+        raise MissingExtra("natural textures are cut from the photographs of scikit-image", extra="simulate")
     folder = Path(spec.submodule_search_locations[0]) / "data"
     return tuple(_photo(folder / name) for name in INSTALLED[pool])
 

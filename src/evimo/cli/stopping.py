@@ -1,0 +1,89 @@
+"""Ctrl-C, SIGTERM and SIGHUP: each ends a command as Ctrl-C does, and some commands finish what they are at before."""
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from evimo.cli.exit_codes import BY_SIGNAL
+
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # Windows has no SIGHUP, and others no SIGBREAK
+Handler = Callable[[int, FrameType | None], Any]
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal asked the command to end."""
+
+    def __init__(self, number: int = signal.SIGINT) -> None:
+        super().__init__(number)
+        self.number = number
+
+    @property
+    def code(self) -> int:
+        """The exit code that says so."""
+        return BY_SIGNAL + self.number
+
+    def __str__(self) -> str:
+        return "interrupted" if self.number == signal.SIGINT else f"ended by {signal.Signals(self.number).name}"
+
+
+class Request:
+    """Whether a signal has asked to stop; true from then on.
+
+    number: of the signal, 0 before.
+    """
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.number)
+
+
+@contextmanager
+def stopped_by_signals() -> Generator[None]:
+    """Raise `Stopped` where a signal arrives, while the `with` lasts."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise Stopped(number)
+
+    with _handled(stop):
+        yield
+
+
+@contextmanager
+def asked_to_stop(unit: str, told: Callable[[], None] = lambda: None) -> Generator[Request]:
+    """A request that the first signal makes, to stop after this `unit`; the second one breaks off.
+
+    told: called at once with the first.
+    """
+    request = Request()
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        if request:
+            raise Stopped(number)
+        request.number = number
+        told()
+        print(f"stopping after this {unit}; Ctrl-C again to give up", file=sys.stderr)
+
+    with _handled(ask):
+        yield request
+
+
+@contextmanager
+def _handled(handler: Handler) -> Generator[None]:
+    """What is ignored, as under nohup, stays ignored; outside the main thread nothing is handled."""
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in NAMES:
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, usual in before.items():
+            signal.signal(number, usual)

@@ -1,0 +1,103 @@
+# pyright: basic
+"""Decoding of files whose events have a whole time each, compiled: DAT and AEDAT 3."""
+
+import numpy as np
+
+from evimo.compiling import njit
+
+UNKNOWN = -1
+PACKET_HEADER, POLARITY, FRAME, FRAME_HEADER = 28, 1, 2, 36
+KINDS = 16  # kinds of AEDAT 3 packets that are counted
+RECORD_BYTES = (8, 8, 0, 36, 48)  # of special, polarity, frame (any), IMU of 6 and of 9 axes
+LONGEST_BYTES = 1 << 26
+
+
+@njit(nogil=True)
+def decode_dat(records, state, final, bits):
+    """DAT events (N, 2) u4: time in µs, then column, row and polarity; state[0] is the time reached.
+
+    `bits` are those of the column and of the row, and where the polarity is. Each time is the one nearest to that
+    before it whose low 32 bits are as stored, and not negative. Returns as `decode_evt2`.
+    """
+    count = len(records)
+    x, y = np.empty(count, np.uint16), np.empty(count, np.uint16)
+    t, p = np.empty(count, np.int64), np.empty(count, np.int8)
+    columns, rows, sign = np.uint32(bits[0]), np.uint32(bits[1]), np.uint32(bits[2])
+    of_column, of_row = (1 << columns) - 1, (1 << rows) - 1
+    reached = state[0]
+    if reached == UNKNOWN and count:
+        reached = np.int64(records[0, 0])
+    for at in range(count):
+        address = records[at, 1]
+        reached += np.int32(records[at, 0] - np.uint32(reached))
+        reached += (reached < 0) << 32
+        x[at], y[at], t[at] = address & of_column, address >> columns & of_row, reached
+        p[at] = 2 * np.int8(address >> sign & 1) - 1
+    state[0] = reached
+    return x, y, t, p, count, 0
+
+
+@njit(nogil=True)
+def number(raw, at):
+    """Four bytes, little end first."""
+    return np.int64(raw[at]) | np.int64(raw[at + 1]) << 8 | np.int64(raw[at + 2]) << 16 | np.int64(raw[at + 3]) << 24
+
+
+@njit(nogil=True)
+def packet_bytes(raw, at):
+    """The length of an AEDAT 3 packet with its header, by the header; 0 where there is none that can be."""
+    kind, size, place = raw[at] | np.int64(raw[at + 1]) << 8, number(raw, at + 4), number(raw, at + 8)
+    capacity, count, valid = number(raw, at + 16), number(raw, at + 20), number(raw, at + 24)
+    if kind >= KINDS or not valid <= count == capacity or not 8 <= size <= LONGEST_BYTES or place + 4 > size:
+        return 0
+    if count == 0 or count * size > LONGEST_BYTES or (kind == FRAME and size < FRAME_HEADER):
+        return 0
+    if kind < len(RECORD_BYTES) and RECORD_BYTES[kind] not in (0, size):
+        return 0
+    return PACKET_HEADER + count * size
+
+
+@njit(nogil=True)
+def rounds(raw, at, until, before):
+    """How often the times had wrapped, by a packet's header; as before where the next packet does not agree."""
+    told = number(raw, at + 12)
+    if before in (UNKNOWN, told) or until + PACKET_HEADER > len(raw):
+        return told
+    return told if packet_bytes(raw, until) == 0 or number(raw, until + 12) == told else before
+
+
+@njit(nogil=True)
+def decode_aedat3(raw, state, final, kinds):
+    """The valid polarity events of AEDAT 3 packets (u1); the events of each kind are counted in `kinds`.
+
+    A packet's header tells what is in it and how often the events' 31 bits of time had wrapped. Where there is none,
+    the next is sought, and what lies between is lost: eight bytes an event. The state is the bytes of the event that
+    is half lost, and the wraps. Returns as `decode_evt2`.
+    """
+    most = len(raw) // 8
+    x, y = np.empty(most, np.uint16), np.empty(most, np.uint16)
+    t, p = np.empty(most, np.int64), np.empty(most, np.int8)
+    at, count, skipped = 0, 0, state[0]
+    while at + PACKET_HEADER <= len(raw):
+        length = packet_bytes(raw, at)
+        if length == 0:
+            at, skipped = at + 1, skipped + 1
+            continue
+        until = at + length
+        if until + PACKET_HEADER > len(raw) and not final:
+            break
+        until = min(until, len(raw))
+        state[1] = rounds(raw, at, until, state[1])
+        kind, round_us = raw[at], state[1] << 31
+        kinds[kind] += (until - at - PACKET_HEADER) // number(raw, at + 4)
+        if kind == POLARITY:
+            for record in range(at + PACKET_HEADER, until - 7, 8):
+                packed = number(raw, record)
+                x[count], y[count] = packed >> 17, packed >> 2 & 0x7FFF
+                t[count] = round_us | (number(raw, record + 4) & 0x7FFFFFFF)
+                p[count] = (packed & 2) - 1
+                count += packed & 1
+        at = until
+    lost = skipped // 8
+    state[0] = skipped - 8 * lost
+    return x[:count], y[:count], t[:count], p[:count], len(raw) if final else at, lost

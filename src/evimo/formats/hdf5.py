@@ -1,0 +1,139 @@
+"""HDF5 recordings: DSEC, TUM-VIE, M3ED, MVSEC, Prophesee, and others that name their arrays or columns t, x, y, p."""
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile, EvimoWarning, NotFound
+from evimo.events.events import Events
+from evimo.formats.event_file import EventFile
+from evimo.formats.hdf5_tables import EventTable, event_tables, require_filters, stored_size
+from evimo.formats.sensors import assumed_sensor, fitting_sensor, whole_pixels
+from evimo.formats.stored_times import PIECE_EVENTS, PIECES, StoredTimes
+from evimo.formats.survey import no_events_in
+from evimo.formats.time_units import NAMES, REPEAT_EVENTS, TimeUnit, repeat_of
+
+PACKET_EVENTS = 1 << 17
+CUT = "copy or download it again"
+
+
+def open_hdf5(
+    path: Path,
+    sensor: tuple[int, int] | None = None,
+    *,
+    time_unit: TimeUnit | None = None,
+    columns: str | None = None,
+    topic: str | None = None,
+) -> EventFile:
+    """Open the events of one camera: those of `topic`, a part of their name such as left, else the most.
+
+    Times are usually µs where they are stored as whole numbers, seconds where not; `t_offset` is added. `ms_to_idx`
+    is where reading starts, if the file has it.
+
+    Raises:
+        BadFile: damaged, without events, or compressed with what is not installed. NotFound: no such topic.
+    """
+    try:
+        file = h5py.File(path, "r")
+        tables = event_tables(path, file, columns)
+        table = _chosen(path, tables, topic)
+        for array, _ in table.columns.values():
+            require_filters(path, array)
+        if not table.count:
+            raise no_events_in(path)
+        reader = _Reader(path, table, said=time_unit, size=sensor or stored_size(file, table))
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # as h5py has it of damaged files
+        raise BadFile(f"{path.name} is HDF5, but damaged or cut short: {error}", fix=CUT) from error
+    return EventFile(
+        path=path,
+        format=f"HDF5, {table.name} (times in {NAMES[reader.times.unit]})",
+        sensor=reader.sensor,
+        start_us=reader.times.start_us,
+        stop_us=reader.times.stop_us,
+        read=reader.packets,
+        contents={"topics": ", ".join(f"{each.name} ({each.count:,} events)" for each in tables)},
+    )
+
+
+class _Reader:
+    """Packets of one table, from any time on."""
+
+    def __init__(self, path: Path, table: EventTable, *, said: TimeUnit | None, size: tuple[int, int] | None) -> None:
+        self._path, self._table = path, table
+        first = self._stored("xyt", 0, REPEAT_EVENTS)
+        extent = (1, 1) if size else self._extent()
+        height, width = size or fitting_sensor(extent)
+        self.times = StoredTimes(
+            path,
+            lambda start, stop: self._stored("t", start, stop)[0],
+            count=table.count,
+            pixels=height * width,
+            repeat=repeat_of(*first),
+            said=said,
+            offset=_beside(table, "t_offset", 0),
+        )
+        index = _beside(table, "ms_to_idx", None)
+        self._index = _beside(table, "ms_map_idx", None) if index is None else index
+        self.sensor = size or assumed_sensor(path, extent)
+
+    def packets(self, start_us: int) -> Iterator[Events]:
+        """Packets from a place at or before a time."""
+        for at in range(self._place(start_us), self._table.count, PACKET_EVENTS):
+            t, x, y, p = self._stored("txyp", at, min(at + PACKET_EVENTS, self._table.count))
+            signs = np.where(p > 0, 1, -1).astype(np.int8)
+            yield Events(whole_pixels(x), whole_pixels(y), self.times.in_us(t), signs)
+
+    def _place(self, start_us: int) -> int:
+        """By the file's own index of milliseconds, 50 of them earlier for what is out of order; else by halving."""
+        if self._index is None:
+            return self.times.place(start_us)
+        millisecond = (start_us - self.times.offset_us) // 1000 - 50
+        return int(self._index[min(millisecond, len(self._index) - 1)]) if millisecond > 0 else 0
+
+    def _extent(self) -> tuple[int, int]:
+        """One more than the largest row and column among events from all over the file."""
+        height, width = 1, 1
+        for at in np.linspace(0, max(self._table.count - PIECE_EVENTS, 0), PIECES).astype(int).tolist():
+            x, y = (whole_pixels(each) for each in self._stored("xy", at, at + PIECE_EVENTS))
+            x, y = x[x < 65535], y[y < 65535]
+            width, height = max(width, int(x.max(initial=0)) + 1), max(height, int(y.max(initial=0)) + 1)
+        return height, width
+
+    def _stored(self, letters: str, first: int, last: int) -> list[NDArray[Any]]:
+        try:
+            return self._table.stored(letters, first, min(last, self._table.count))
+        except (OSError, RuntimeError) as error:
+            raise BadFile(f"{self._path.name} is damaged near event {first:,}: {error}", fix=CUT) from error
+
+
+def _chosen(path: Path, tables: list[EventTable], topic: str | None) -> EventTable:
+    """The table that `topic` names, whole or by a part; else the one with the most events, with a warning."""
+    names = ", ".join(table.name for table in tables)
+    if topic is not None:
+        wanted = topic.strip("/")
+        fitting = [table for table in tables if table.name.strip("/") == wanted] or [
+            table for table in tables if wanted in table.name
+        ]
+        if len(fitting) != 1:
+            problem = f"{len(fitting)} events in {path.name} fit" if fitting else f"{path.name} holds no events"
+            raise NotFound(f"{problem} --topic {topic}", fix=f"one of: {names}")
+        return fitting[0]
+    if len(tables) > 1:
+        text = f"{path.name} holds events of several cameras: {names}; {tables[0].name} is read, --topic chooses"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
+    return tables[0]
+
+
+def _beside(table: EventTable, name: str, missing: Any) -> Any:
+    """An array or number that lies beside the events or above them."""
+    parent = table.columns["t"][0].parent
+    for group in (parent, parent.parent):
+        if isinstance(group.get(name), h5py.Dataset):
+            value = group[name][()]
+            return value if value.shape else int(value)
+    return missing

@@ -1,0 +1,151 @@
+"""Where an HDF5 file holds events: four arrays side by side, one array of fields, or one of four columns.
+
+DSEC, TUM-VIE and M3ED have four arrays in a group, Prophesee an array of fields, MVSEC an array of columns. They are
+found by the names of what they hold, wherever they lie.
+"""
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile, MissingExtra
+from evimo.formats.columns import LETTERS, found_columns, named_columns, said_columns
+from evimo.formats.sensors import sensor_size
+
+ECF = 36559
+IN_PLUGIN = {32001: "blosc", 32026: "blosc2", 32004: "LZ4", 32008: "bitshuffle", 32015: "Zstandard", 307: "bzip2"}
+SAMPLE_ROWS = 5000
+
+
+@dataclass(frozen=True, slots=True)
+class EventTable:
+    """One sensor's events in an open file.
+
+    name:    where they lie, as users name it with --topic.
+    columns: t, x, y, p: the array of each, and the field or column of that array; "" where the array is all its own.
+    count:   how many events.
+    """
+
+    name: str
+    columns: dict[str, tuple[Any, str | int]]
+    count: int
+
+    def stored(self, letters: str, first: int, last: int) -> list[NDArray[Any]]:
+        """Columns of some events, as stored; an array that several of them lie in is read once."""
+        read: dict[str, NDArray[Any]] = {}
+        for letter in letters:
+            array, _ = self.columns[letter]
+            if array.name not in read:
+                read[array.name] = array[first:last]
+        return [self._column(read, letter) for letter in letters]
+
+    def _column(self, read: dict[str, NDArray[Any]], letter: str) -> NDArray[Any]:
+        array, part = self.columns[letter]
+        whole = read[array.name]
+        return whole[:, part] if isinstance(part, int) else whole[part] if part else whole
+
+
+def event_tables(path: Path, file: h5py.File, columns: str | None) -> list[EventTable]:
+    """Find all events in an open file, the most first.
+
+    Raises:
+        BadFile: there are none, or they are compressed with what is not there.
+    """
+    found: list[EventTable] = []
+
+    def look(name: str, there: Any) -> None:
+        table = _of_group(name, there) if isinstance(there, h5py.Group) else _of_array(path, name, there, columns)
+        if table is not None:
+            found.append(table)
+
+    look("", file)
+    file.visititems(look)
+    if not found:
+        names = list(file)[:8]
+        raise BadFile(
+            f"{path.name} is HDF5 without events: {', '.join(names) or 'it is empty'}",
+            fix="arrays t, x, y, p in one group, or one array `events` with fields or columns of these",
+        )
+    return sorted(found, key=lambda table: -table.count)
+
+
+def _of_group(name: str, group: Any) -> EventTable | None:
+    """Four arrays side by side."""
+    arrays = [key for key in group if _is_column(group.get(key))]
+    if (order := named_columns(arrays)) is None:
+        return None
+    columns: dict[str, tuple[Any, str | int]] = {letter: (group[arrays[order.index(letter)]], "") for letter in LETTERS}
+    return EventTable(name or "/", columns, min(len(array) for array, _ in columns.values()))
+
+
+def _is_column(there: Any) -> bool:
+    return isinstance(there, h5py.Dataset) and there.ndim == 1 and there.dtype.kind in "iufb"
+
+
+def _of_array(path: Path, name: str, array: Any, said: str | None) -> EventTable | None:
+    """One array of fields, or of four columns."""
+    if array.dtype.names:
+        order = named_columns(array.dtype.names) if array.ndim == 1 else None
+        if order is None:
+            return None
+        fields = {letter: array.dtype.names[order.index(letter)] for letter in LETTERS}
+        return EventTable(name, {letter: (array, field) for letter, field in fields.items()}, len(array))
+    if array.ndim != 2 or array.shape[1] != 4 or "event" not in name.lower() or array.dtype.kind not in "iuf":
+        return None
+    require_filters(path, array)
+    if not len(array):
+        return None
+    parts = [array[at : at + SAMPLE_ROWS // 8] for at in np.linspace(0, len(array) - 1, 8).astype(int)]
+    order = said_columns(said) if said else found_columns(path, np.concatenate(parts).astype(np.float64))
+    return EventTable(name, {letter: (array, order.index(letter)) for letter in LETTERS}, len(array))
+
+
+def require_filters(path: Path, array: Any) -> None:
+    """Load what an array is compressed with.
+
+    Raises:
+        MissingExtra: an extra has it. BadFile: Prophesee's codec, or an unknown one, is not installed.
+    """
+    properties = array.id.get_create_plist()
+    numbers = [properties.get_filter(at)[0] for at in range(properties.get_nfilters())]
+    for number in (number for number in numbers if not h5py.h5z.filter_avail(number)):
+        if number in IN_PLUGIN:
+            _load_plugin(path, IN_PLUGIN[number])
+        if h5py.h5z.filter_avail(number):
+            continue
+        codec = "Prophesee's ECF codec" if number == ECF else f"the HDF5 filter {number}"
+        raise BadFile(
+            f"{path.name} is compressed with {codec}, which is not installed",
+            fix="set HDF5_PLUGIN_PATH to the folder of its plugin (of Metavision: libhdf5_ecf_codec), or export as CSV",
+        )
+
+
+def _load_plugin(path: Path, codec: str) -> None:
+    try:
+        import_module("hdf5plugin")  # this registers the filters
+    except ImportError as error:
+        raise MissingExtra(
+            f"{path.name} is compressed with {codec}, for which hdf5plugin is missing",
+            fix='pip install "hdf5plugin>=5"',
+        ) from error
+
+
+def stored_size(file: h5py.File, table: EventTable) -> tuple[int, int] | None:
+    """The sensor's size where attributes (`geometry`, `width` and `height`) or `calib/resolution` tell it."""
+    array = table.columns["t"][0]
+    for place in (array, array.parent, array.parent.parent, file):
+        attributes: Any = place.attrs
+        if isinstance(written := attributes.get("geometry"), str | bytes):
+            return sensor_size(written if isinstance(written, str) else written.decode())
+        if {"width", "height"} <= set(attributes):
+            return int(attributes["height"]), int(attributes["width"])
+    resolution = array.parent.get("calib/resolution")
+    if isinstance(resolution, h5py.Dataset) and resolution.shape == (2,):
+        width, height = (int(value) for value in resolution[:])
+        return height, width
+    return None

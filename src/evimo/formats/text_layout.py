@@ -1,0 +1,198 @@
+"""How the lines of a text file are to be read: what its heading says, what its columns hold, the unit of its times."""
+
+import re
+from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile
+from evimo.formats.columns import found_columns, named_columns, said_columns
+from evimo.formats.sensors import fitting_sensor
+from evimo.formats.survey import no_events_in
+from evimo.formats.text_kernel import parse_lines
+from evimo.formats.text_source import TextSource
+from evimo.formats.time_units import POWERS, Times, TimeUnit, found_unit, repeat_of
+
+HEADING_LINES = 100
+SAMPLE_LINES = 500  # of each piece: 0.01 s to read
+SHARES = np.linspace(0.1, 0.97, 7)  # of the file, where more pieces are looked at
+SAMPLE_BYTES = 1 << 15
+SPACES = re.compile(r"[\s,;\"]+")
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|true|false|nan|[-+]?inf", re.IGNORECASE)
+COLUMNS = np.array([4, 0, 1, 2, 3])  # roles of _ t x y p, as `text_kernel` has them
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How lines are to be read.
+
+    start:   byte at which the first line of numbers begins.
+    columns: what each column holds: t, x, y, p, or _ for what is left out.
+    unit:    of the times.
+    dotted:  whether a time with a decimal point was met.
+    sensor:  (height, width), where the heading tells it.
+    """
+
+    start: int
+    columns: str
+    unit: TimeUnit
+    dotted: bool
+    sensor: tuple[int, int] | None = None
+
+    @property
+    def roles(self) -> NDArray[np.int64]:
+        """The columns as numbers."""
+        return roles_of(self.columns)
+
+    @property
+    def power(self) -> int:
+        """Of ten, from the unit to µs."""
+        return POWERS[self.unit]
+
+
+def roles_of(columns: str) -> NDArray[np.int64]:
+    """Return columns as the numbers that `text_kernel` has for them."""
+    return COLUMNS[["_txyp".index(letter) for letter in columns]]
+
+
+@dataclass(slots=True)
+class Heading:
+    """What comes before the first event: how long it is, and what it says of columns and sensor."""
+
+    length: int = 0
+    columns: str | None = None
+    sensor: tuple[int, int] | None = None
+
+
+def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | None, dotted: bool = False) -> Layout:
+    """Find the layout of a text file; what the user says of unit and columns is not guessed.
+
+    Raises:
+        BadFile: there are no lines of numbers, or no sense in them.
+    """
+    _, lines = next(source.blocks(), (0, b""))
+    heading = _heading(lines)
+    pieces = [rows for raw in (lines[heading.length :], *_further(source)) if (rows := _rows(raw))]
+    if not pieces:
+        raise _no_numbers(source.path, lines)
+    width = len(pieces[0][0])
+    pieces = [[row for row in rows if len(row) == width] for rows in pieces]
+    sample = _numbers([row for rows in pieces for row in rows])
+    if columns:
+        order = said_columns(columns)
+    elif heading.columns and len(heading.columns) == width:
+        order = heading.columns
+    else:
+        order = found_columns(source.path, sample)
+    if len(order) != width:
+        shown = " ".join(pieces[0][0])[:60]
+        raise BadFile(
+            f"{source.path.name} has {width} columns in {shown!r}, not the {len(order)} of {order!r}",
+            fix="a letter for each column with --columns, as in txyp; _ for one to leave out",
+        )
+    written = [[row[order.index("t")] for row in rows] for rows in pieces if rows]
+    dotted = dotted or any("." in time for times in written for time in times)
+    times = replace(_times(written, sample, order), repeat=_repeat(lines[heading.length :], order, dotted))
+    guessed = found_unit(source.path, times, said=unit, usual="s" if dotted else "us")
+    return Layout(heading.length, order, guessed, dotted, heading.sensor)
+
+
+def _further(source: TextSource) -> list[bytes]:
+    """Lines from the rest of the file, where they can be reached."""
+    if not source.can_jump or source.path.stat().st_size < 2 * SAMPLE_BYTES:
+        return []
+    return [source.lines_near(share, SAMPLE_BYTES) for share in SHARES]
+
+
+def _rows(raw: bytes) -> list[list[str]]:
+    """The words of the first lines of numbers."""
+    rows: list[list[str]] = []
+    for line in raw[: SAMPLE_BYTES * 4].decode(errors="replace").split("\n")[: 2 * SAMPLE_LINES]:
+        words = [word for word in SPACES.split(line) if word]
+        if words and sum(bool(NUMBER.fullmatch(word)) for word in words) >= 3 and words[0][0] not in "#%":
+            rows.append(words)
+    return rows[:SAMPLE_LINES]
+
+
+def _heading(raw: bytes) -> Heading:
+    heading = Heading(length=3 if raw.startswith(b"\xef\xbb\xbf") else 0)
+    for line in raw[heading.length :].split(b"\n")[:HEADING_LINES]:
+        text = line.decode(errors="replace").lstrip()
+        words = [word.strip() for word in re.split(r"[,;\t]" if re.search(r"[,;\t]", text) else r"\s+", text.strip())]
+        numbers = [bool(NUMBER.fullmatch(word.strip('"'))) for word in words if word]
+        if text[:1] not in ("#", "%") and len(numbers) > 2 and all(numbers[:1]) and sum(numbers) > 2:
+            break
+        if len(words) == 2 and all(word.isdecimal() for word in words):
+            heading.sensor = int(words[1]), int(words[0])
+        _heed(heading, text, words)
+        heading.length += len(line) + 1
+    return heading
+
+
+def _heed(heading: Heading, text: str, words: list[str]) -> None:
+    """Take over what a line of the heading says: Metavision's geometry, names of columns, faery's `x@1280`."""
+    if match := re.match(r"%\s*geometry[:\s]+(\d+)\s*[,x]\s*(\d+)", text, re.IGNORECASE):
+        heading.sensor = int(match[2]), int(match[1])
+    named = named_columns([word.lstrip("#% ") for word in words]) or named_columns(text.lstrip("#% ").split())
+    if named:
+        heading.columns = named
+        sizes = {name: int(size) for name, size in re.findall(r"\b([xy])@(\d+)", text)}
+        if len(sizes) == 2:
+            heading.sensor = sizes["y"], sizes["x"]
+
+
+def _numbers(rows: list[list[str]]) -> NDArray[np.float64]:
+    return np.array([[_number(word) for word in row] for row in rows], np.float64)
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return {"true": 1.0, "false": 0.0}.get(word.lower(), np.nan)
+
+
+def _times(written: list[list[str]], sample: NDArray[np.float64], order: str) -> Times:
+    """What the sampled lines tell of the unit."""
+    x, y = (sample[:, order.index(letter)] for letter in "xy")
+    extent = [int(np.max(side[np.isfinite(side)], initial=0)) + 1 for side in (y, x)]
+    height, width = fitting_sensor((extent[0], extent[1]))
+    pieces = [np.array([_number(time) for time in times], np.float64) for times in written]
+    return Times(pieces, _step([time for times in written for time in times]), height * width)
+
+
+def _repeat(raw: bytes, order: str, dotted: bool) -> float | None:
+    """The median time between two events of one pixel, in the file's unit."""
+    power = POWERS["s"] if dotted else 0
+    x, y, t, *_ = parse_lines(np.frombuffer(raw, np.uint8), roles_of(order), power)
+    repeat = repeat_of(x, y, t)
+    return None if repeat is None else repeat / 10**power
+
+
+def _step(written: list[str]) -> int | None:
+    """The power of ten in whose steps the times are written; None for more places than a clock has."""
+    powers: list[int] = []
+    for time in written:
+        try:
+            _, digits, exponent = Decimal(time).normalize().as_tuple()
+        except InvalidOperation:
+            continue
+        if digits != (0,) and isinstance(exponent, int):
+            powers.append(exponent)
+    step = min(powers, default=0)
+    return None if step < -9 else min(step, 6)
+
+
+def _no_numbers(path: Path, lines: bytes) -> BadFile:
+    """The error for a text without numbers: no events yet, or another text."""
+    said = [line.strip() for line in lines.decode(errors="replace").lstrip("\ufeff").splitlines() if line.strip()]
+    prose = [line for line in said if line[0] not in "%#" and not named_columns(SPACES.split(line))]
+    if not any(re.search(r"[^\W\d]", line) for line in prose):
+        return no_events_in(path)
+    return BadFile(
+        f"{path.name} is a text, such as a README, without a line of numbers `t x y p`: it begins {said[0][:60]!r}",
+        fix="one event per line: time, column, row, polarity (0 and 1, or -1 and 1)",
+    )

@@ -1,0 +1,132 @@
+"""The lines of a text file, whatever it is wrapped in: gzip, zstd, UTF-16, a byte order mark, any line ends."""
+
+import gzip
+import warnings
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evimo.errors import BadFile, EvimoWarning
+from evimo.formats.zstandard import zstd
+
+BLOCK_BYTES = 1 << 20
+LONGEST_LINE = 1 << 16
+GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+
+
+@dataclass(frozen=True, slots=True)
+class TextSource:
+    """A text file as blocks of whole lines in ASCII or UTF-8, each line ended by a newline.
+
+    packed:   what the file is compressed with, if it is.
+    encoding: "utf-16-le" or "utf-16-be" where it is in that.
+    old_ends: whether lines end with a carriage return alone.
+    """
+
+    path: Path
+    packed: str = ""
+    encoding: str = ""
+    old_ends: bool = False
+
+    @property
+    def can_jump(self) -> bool:
+        """Whether reading in the middle costs no more than at the beginning."""
+        return not (self.packed or self.encoding)
+
+    def blocks(self, place: int = 0) -> Iterator[tuple[int, bytes]]:
+        """Blocks of whole lines from a place on, which is that of an earlier block: (place, lines).
+
+        Raises:
+            BadFile: a line is far too long for one.
+        """
+        rest = b""
+        for more in self._pieces(place):
+            raw = rest + more
+            cut = raw.rfind(b"\n") + 1
+            raw, rest = raw[:cut], raw[cut:]
+            if len(rest) > LONGEST_LINE:
+                raise BadFile(f"{self.path.name} is no event recording: it has no lines", fix="check what it holds")
+            if raw:
+                yield place, raw
+                place += len(raw)
+        if rest:
+            yield place, rest + b"\n"
+
+    def lines_near(self, share: float, size: int) -> bytes:
+        """Some whole lines at a share of the file; nothing where it cannot be read in the middle."""
+        with self.path.open("rb") as file:
+            file.seek(int(share * self.path.stat().st_size))
+            raw = self._with_newlines(file.read(size))
+        return raw[raw.find(b"\n") + 1 : raw.rfind(b"\n") + 1]
+
+    def _pieces(self, place: int) -> Iterator[bytes]:
+        """Bytes from a place on, as they come; the place counts what they have become, not the file's own."""
+        with _opened(self.path, self.packed) as file:
+            if self.can_jump:
+                file.seek(place)
+                place = 0
+            carry = b""
+            while raw := _read(file, self.path, BLOCK_BYTES):
+                whole = carry + raw
+                carry = whole[len(whole) // 2 * 2 :] if self.encoding else b""
+                piece = self._with_newlines(whole[: len(whole) - len(carry)])
+                before = min(place, len(piece))
+                place -= before
+                yield piece[before:]
+
+    def _with_newlines(self, raw: bytes) -> bytes:
+        if self.encoding:
+            raw = raw.decode(self.encoding, errors="replace").replace("\ufeff", " ").encode("ascii", errors="replace")
+        return raw.replace(b"\r", b"\n") if self.old_ends else raw
+
+
+def text_source(path: Path) -> TextSource:
+    """Recognise what the lines of a file are wrapped in, from its first bytes."""
+    packed = packing(path)
+    start = unpacked_start(path)
+    encoding = encoding_of(start)
+    source = TextSource(path, packed, encoding)
+    plain = source._with_newlines(start[: len(start) // 2 * 2])  # pyright: ignore[reportPrivateUsage]
+    return TextSource(path, packed, encoding, old_ends=b"\r" in plain and b"\n" not in plain)
+
+
+def packing(path: Path) -> str:
+    """What a file is compressed with: gzip, zstd or nothing."""
+    with path.open("rb") as file:
+        start = file.read(4)
+    return "gzip" if start.startswith(GZIP) else "zstd" if start == ZSTD else ""
+
+
+def unpacked_start(path: Path, size: int = 4096) -> bytes:
+    """The first bytes of a file, decompressed."""
+    with _opened(path, packing(path)) as file:
+        return _read(file, path, size)
+
+
+def encoding_of(start: bytes) -> str:
+    """UTF-16 by its mark, or by the zeros beside every digit; else nothing."""
+    if start.startswith(b"\xff\xfe") or (len(start) > 7 and start[1:8:2] == bytes(4) and start[0]):
+        return "utf-16-le"
+    if start.startswith(b"\xfe\xff") or (len(start) > 7 and start[0:8:2] == bytes(4) and start[1]):
+        return "utf-16-be"
+    return ""
+
+
+def _opened(path: Path, packed: str) -> Any:
+    if packed == "gzip":
+        return gzip.open(path, "rb")
+    return zstd().open(path, "rb") if packed == "zstd" else path.open("rb")
+
+
+def _read(file: Any, path: Path, size: int) -> bytes:
+    """The next bytes; where compressed ones are damaged or cut short the file ends, with a warning."""
+    try:
+        return file.read1(size)  # of a file cut short, all that can be unpacked
+    except Exception as error:
+        if not isinstance(error, EOFError | OSError | zlib.error) and type(error).__name__ != "ZstdError":
+            raise
+        text = f"{path.name} is damaged or cut short ({error}): it is read up to there"
+        warnings.warn(text, EvimoWarning, stacklevel=2)
+        return b""

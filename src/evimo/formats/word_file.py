@@ -1,0 +1,54 @@
+"""Files whose body is decoded from the front in blocks, with a state that goes from one block to the next."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.formats.damage import MarredEvents
+
+BLOCK_BYTES = 1 << 19  # of the fastest
+LONGEST_BYTES = 1 << 26  # no more is held back for what follows
+
+Place = tuple[int, NDArray[np.int64]]  # byte offset, and the decoder's state there
+# A compiled decoder of items: x, y, t, p, the number of items used, the events lost. Items that it leaves are given
+# again before those that follow; its last argument says that none do.
+Decode = Callable[[NDArray[Any], NDArray[np.int64], bool], tuple[Any, Any, Any, Any, int, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class WordFile:
+    """A file, where its body begins, the type of its items, and what decodes them."""
+
+    path: Path
+    offset: int
+    item: np.dtype[Any]
+    decode: Decode
+
+    def blocks(self, place: Place) -> Iterator[tuple[Place, MarredEvents]]:
+        """The events of each block from a place on, and where the block begins."""
+        offset, state = place[0], place[1].copy()
+        size, buffer, held = self.item.itemsize, bytearray(BLOCK_BYTES + self.item.itemsize), 0
+        with self.path.open("rb", buffering=0) as file:
+            file.seek(offset)
+            while True:
+                more = file.readinto(memoryview(buffer)[held:])
+                count = (held + more) // size
+                items = np.frombuffer(buffer, self.item, count)
+                before, last = state.copy(), not more or count * size >= LONGEST_BYTES
+                *columns, used, lost = self.decode(items, state, last)
+                yield (offset, before), MarredEvents(*columns, lost=lost)
+                if not more:
+                    return
+                offset, held = offset + used * size, held + more - used * size
+                left = bytes(memoryview(buffer)[used * size : used * size + held])
+                if 2 * held > len(buffer):
+                    buffer = bytearray(2 * len(buffer))
+                buffer[:held] = left
+
+    def left_over(self) -> int:
+        """Bytes at the end that are no whole item."""
+        return (self.path.stat().st_size - self.offset) % self.item.itemsize

@@ -1,0 +1,65 @@
+"""Processes that end with the one that started them, however that ends, and leave nothing half-written."""
+
+import _thread
+import os
+import signal
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+from types import FrameType
+from typing import NoReturn
+
+PATIENCE_S = 20.0  # for what is under way to be cleaned up; a compiled function is not interrupted
+
+_at_work = threading.Event()
+_ending = threading.Event()
+
+
+class Ended(SystemExit):
+    """The process has to end: raised in the middle of its work, so that what is unfinished is removed."""
+
+
+def hang_on(line: Connection) -> None:
+    """Make this process end soon after the other end of `line` is closed, or on SIGTERM.
+
+    The other end must be held by the parent alone: its death closes it, too. Other signals are the parent's to hear.
+    """
+    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
+    threading.Thread(target=_wait, args=(line,), daemon=True).start()
+
+
+@contextmanager
+def at_work() -> Generator[None]:
+    """Between the beginning and the end of a piece of work, which can be broken off but leaves nothing unfinished."""
+    _at_work.set()
+    try:
+        if _ending.is_set():
+            raise Ended
+        yield
+    finally:
+        _at_work.clear()
+        if _ending.is_set():
+            os._exit(0)
+
+
+def _wait(line: Connection) -> NoReturn:
+    with suppress(EOFError, OSError):
+        line.recv_bytes()
+    _ending.set()
+    if _at_work.is_set():
+        _thread.interrupt_main(signal.SIGTERM)
+        threading.Event().wait(PATIENCE_S)
+    os._exit(0)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Break off what is under way, once: a second signal must not break off the cleaning up."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    _ending.set()
+    if not _at_work.is_set():
+        os._exit(0)
+    raise Ended
