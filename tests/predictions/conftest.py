@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import h5py
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ from evimo.recordings.writer import RecordingWriter
 
 CAMERA = Camera(fx=40.0, fy=40.0, cx=19.5, cy=14.5, height=30, width=40)
 SLICES = 6
-CENTRES_US = [12_500 + 25_000 * k for k in range(SLICES)]
+CENTRES_US = np.array([12_500 + 25_000 * k for k in range(SLICES)])
 
 
 def ids_at(k: int) -> np.ndarray:
@@ -78,3 +80,47 @@ def labelled_rows() -> np.ndarray:
         for events in [events_in(k)]
     ]
     return np.concatenate(rows)
+
+
+@pytest.fixture
+def truth(recording: Recording) -> Path:
+    return recording.path
+
+
+def save_pictures(folder: Path, pictures, times=CENTRES_US) -> Path:
+    folder.mkdir()
+    for picture, t_us in zip(pictures, times, strict=True):
+        cv2.imwrite(str(folder / f"{t_us:012d}.png"), picture)
+    return folder
+
+
+def save_estimates(path: Path, ids, *, keep=slice(None), **attributes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"recording": "a", "model": "tiny", "model_sha256": "0123"} | attributes)
+        file["t_us"], file["ids"] = CENTRES_US[keep], ids[keep].astype(np.uint8)
+        file["moving_probability"] = np.where(ids[keep] > 0, 200, 3).astype(np.uint8)
+        file["rel_depth"] = np.where(ids[keep] > 0, 0.5, 1).astype(np.float16)
+        file["ego"] = np.tile([0.15, 0, 0, 0, 0.2, 0], (len(ids[keep]), 1))
+        file["valid"] = np.ones(ids.shape[1:], bool)
+    return path
+
+
+def save_labels(path: Path, rows, heading="t,x,y,label") -> Path:
+    np.savetxt(path, rows, fmt="%d", delimiter=",", header=heading, comments="")
+    return path
+
+
+@pytest.fixture(name="save_pictures")
+def save_pictures_by_name() -> Callable[..., Path]:
+    return save_pictures
+
+
+@pytest.fixture(name="save_estimates")
+def save_estimates_by_name() -> Callable[..., Path]:
+    return save_estimates
+
+
+@pytest.fixture(name="save_labels")
+def save_labels_by_name() -> Callable[..., Path]:
+    return save_labels

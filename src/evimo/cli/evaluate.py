@@ -50,12 +50,7 @@ def evaluate(
     if truth:
         if model is not None or imu is not None:
             raise BadInput("--model and --imu run a model; --truth scores predictions", fix="leave them or --truth out")
-        if len(paths) != 1:
-            raise BadInput(f"{len(paths)} predictions", fix="evimo evaluate PREDICTIONS --truth RECORDING...")
-        within = WITHIN_MS if within_ms is None else within_ms
-        report = evaluate_predictions(
-            paths[0], truth, within_ms=within, density_threshold=density_threshold, progress=progress
-        )
+        report = _of_predictions(paths, truth, within_ms=within_ms, density_threshold=density_threshold)
     else:
         if within_ms is not None:
             raise BadInput("--within-ms is about predictions", fix="evimo evaluate PREDICTIONS --truth RECORDING...")
@@ -68,6 +63,18 @@ def evaluate(
             progress=progress,
         )
     _show(report, out)
+
+
+def _of_predictions(
+    paths: tuple[Path, ...], truth: tuple[Path, ...], *, within_ms: float | None, density_threshold: float
+) -> Report:
+    """The report of one program's predictions."""
+    if len(paths) != 1:
+        raise BadInput(f"{len(paths)} predictions", fix="evimo evaluate PREDICTIONS --truth RECORDING...")
+    within = WITHIN_MS if within_ms is None else within_ms
+    return evaluate_predictions(
+        paths[0], truth, within_ms=within, density_threshold=density_threshold, progress=progress
+    )
 
 
 def _show(report: Report, out: Path | None) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
-from evimo.formats.npz_members import Archive
 from evimo.formats.array_rows import Rows
+from evimo.formats.npz_members import Archive
 from evimo.predictions.sources import Predictions, ascending_us, check_size
 from evimo.recordings.prediction import Prediction
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
-from evimo.formats.npz_members import Archive
 from evimo.formats.array_rows import Rows
+from evimo.formats.npz_members import Archive
 from evimo.predictions.runs import DAMAGED, facts_of, opened_h5
 
 BLOCK = 65_536  # events

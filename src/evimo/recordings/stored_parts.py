@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
+from evimo.formats.array_rows import Rows
 from evimo.formats.event_file import EventFile
 from evimo.formats.evimo2 import mapped, open_evimo2
 from evimo.formats.evimo_npz import open_evimo_npz
 from evimo.formats.npz_members import Archive
-from evimo.formats.array_rows import Rows
 from evimo.recordings.facts import DAMAGED
 from evimo.recordings.imu import IMU_ARRAYS
 

@@ -54,22 +54,16 @@ def evaluate_predictions(
     if not 0 <= within_ms <= 12.5:
         raise BadInput(f"masks within {within_ms:g} ms of a slice's centre", fix="0 to 12.5, half of a slice")
     recordings = recordings_in(map(Path, [truth] if isinstance(truth, str | Path) else truth))
+    paths, within_us = predictions_of(Path(predictions), recordings), round(within_ms * 1e3)
     opened = [open_recording(path) for path in recordings]
-    pairs = list(zip(opened, predictions_of(Path(predictions), recordings), strict=True))
     total, facts = Report(), list[dict[str, str]]()
     with progress(sum(map(len, opened))) as tick:
-        for recording, path in pairs:
-            report, told = _scored(
-                recording, path, within_us=round(within_ms * 1e3), threshold=density_threshold, tick=tick
-            )
+        for recording, path in zip(opened, paths, strict=True):
+            report, told = _scored(recording, path, within_us=within_us, threshold=density_threshold, tick=tick)
             total = total + report
             facts.append(told)
     settings: dict[str, str | float] = {"predictions": str(predictions), **_merged(facts)}
-    settings |= {
-        "masks within ms": within_ms,
-        "density threshold": density_threshold,
-        "evimo": own_version(),
-    }
+    settings |= {"masks within ms": within_ms, "density threshold": density_threshold, "evimo": own_version()}
     return replace(total, title="predictions", settings=settings)
 
 
