@@ -102,6 +102,7 @@ def save_estimates(path: Path, ids, *, keep=slice(None), **attributes) -> Path:
         file["moving_probability"] = np.where(ids[keep] > 0, 200, 3).astype(np.uint8)
         file["rel_depth"] = np.where(ids[keep] > 0, 0.5, 1).astype(np.float16)
         file["ego"] = np.tile([0.15, 0, 0, 0, 0.2, 0], (len(ids[keep]), 1))
+        file["has_events"] = np.ones(len(ids[keep]), bool)
         file["valid"] = np.ones(ids.shape[1:], bool)
     return path
 

@@ -156,6 +156,7 @@ def test_masks_that_could_be_probabilities_are_refused_rather_than_guessed(save_
         ("t_us", np.int64(3), "no times"),
         ("ids", np.zeros((5, 30, 40), np.uint8), "fit together"),
         ("valid", None, "lacks `valid`"),
+        ("has_events", np.ones(5, bool), "fit together"),
     ],
 )
 def test_estimates_with_impossible_datasets_are_refused(save_estimates, truth, all_ids, tmp_path, name, values, words):

@@ -248,3 +248,14 @@ def test_recordings_in_the_layout_of_ev_imo_take_predictions_as_folders_do(
     (tmp_path / "all").mkdir()
     (tmp_path / "ids.npz").rename(tmp_path / "all" / "c.npz")
     assert evaluate_predictions(tmp_path / "all", file).value(MODEL, "iou") == 1
+
+
+def test_slices_of_which_a_run_says_that_they_have_no_events_are_counted_alone(
+    save_estimates, truth, all_ids, tmp_path
+):
+    path = save_estimates(tmp_path / "estimates.h5", all_ids)
+    with h5py.File(path, "a") as file:
+        file["has_events"][2], file["ego"][2] = False, np.nan
+    report = evaluate_predictions(path, truth)
+    assert (report.counts["slices"], report.counts["slices without events"]) == (5, 1)
+    assert report.value(MODEL, "camera_rre") == approx(0)

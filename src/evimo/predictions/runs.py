@@ -16,7 +16,15 @@ from evimo.recordings.prediction import Prediction, velocity_map
 
 ESTIMATES, EVENTS, OBJECTS = "estimates.h5", "events.h5", "objects.csv"
 MAPS = ("moving_probability", "ids", "rel_depth")
-KINDS = {"moving_probability": "u", "ids": "u", "rel_depth": "f", "t_us": "i", "ego": "f", "valid": "b"}
+KINDS = {
+    "moving_probability": "u",
+    "ids": "u",
+    "rel_depth": "f",
+    "t_us": "i",
+    "ego": "f",
+    "valid": "b",
+    "has_events": "b",
+}
 DAMAGED = "run again: evimo run RECORDING --dense"
 VELOCITY = ("rel_vx", "rel_vy", "rel_vz")
 
@@ -58,12 +66,8 @@ class _Estimates:
         self.times_us = ascending_us(self._read("t_us", ...), path, name="t_us")
         for name in MAPS:
             check_size(self._data[name].shape[1:], sensor, f"`{name}` of {path}")
-        lengths = {self._data[name].shape[0] for name in (*MAPS, "ego")}
-        if lengths != {len(self.times_us)} or self._data["ego"].shape[1:] != (6,):
-            raise BadFile(f"the datasets of {path} do not fit together", fix=DAMAGED)
-        told = "has_events" in file  # not by files of before
-        self._has_events = self._read_of(file["has_events"], ...) if told else np.ones(len(self.times_us), np.bool_)
-        if self._has_events.shape != self.times_us.shape:
+        lengths = {self._data[name].shape[:1] for name in (*MAPS, "ego", "has_events")}
+        if lengths != {self.times_us.shape} or self._data["ego"].shape[1:] != (6,):
             raise BadFile(f"the datasets of {path} do not fit together", fix=DAMAGED)
         self._valid: NDArray[np.bool_] = self._read("valid", ...).astype(np.bool_)
         check_size(self._valid.shape, sensor, f"`valid` of {path}")
@@ -72,7 +76,7 @@ class _Estimates:
 
     def at(self, k: int) -> Prediction:
         """Slice k; ids count where the mask is valid."""
-        if not self._has_events[k]:
+        if not self._read("has_events", k):
             return Prediction(has_events=False)
         of_255, ids, rel_depth = (self._read(name, k) for name in MAPS)
         ego = self._read("ego", k).astype(np.float64)
@@ -97,13 +101,10 @@ class _Estimates:
         return dataset
 
     def _read(self, name: str, at: Any) -> NDArray[Any]:
-        return self._read_of(self._data[name], at)
-
-    def _read_of(self, dataset: Any, at: Any) -> NDArray[Any]:
         try:
-            return np.asarray(dataset[at])
-        except (OSError, TypeError, AttributeError) as error:
-            raise BadFile(f"a dataset of {self._path} is damaged: {error}", fix=DAMAGED) from error
+            return np.asarray(self._data[name][at])
+        except OSError as error:
+            raise BadFile(f"`{name}` of {self._path} is damaged", fix=DAMAGED) from error
 
 
 class _Velocities:
