@@ -48,7 +48,7 @@ def timed(work: Callable[[], Any]) -> float:
 
 def agreement(recording: SimulatedRecording, frames: int) -> dict[str, float]:
     """Of frames without strides, and of the events that one slice's frames fire from the same signal."""
-    renderer, times = Renderer(recording.scene, recording.camera), np.linspace(0, recording.seconds, frames)
+    renderer, times = Renderer(recording.scene, recording.camera), np.linspace(0, recording.plan.seconds, frames)
     mine = renderer.frames(times)
     image, depth, tags = (values.copy_to_host() for values in CudaRenderer(renderer).frames(times))
     ids, its = (renderer.packed.ids[np.maximum(each, 0) >> 3] for each in (mine.tags, tags))
@@ -72,7 +72,7 @@ def agreement(recording: SimulatedRecording, frames: int) -> dict[str, float]:
 
 def rates(recording: SimulatedRecording, frames: int, rounds: int) -> dict[str, float]:
     """Frames/s of rendering, of everything up to events, of the CPU's share; slices/s into what training reads."""
-    renderer, times = Renderer(recording.scene, recording.camera), np.linspace(0, recording.seconds, frames)
+    renderer, times = Renderer(recording.scene, recording.camera), np.linspace(0, recording.plan.seconds, frames)
     on_gpu = CudaRenderer(renderer)
     filming = CudaFilm(renderer, recording.settings, np.random.default_rng(0), start_s=0.0)
     works = {

@@ -94,10 +94,10 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 
     class Network:
         def __init__(self, name):
-            self.sha256 = f"digest of {name}"
+            self.identity = {"sha256": f"digest of {name}"}
 
     monkeypatch.setattr("evimo.streaming.evaluating.run", run)
-    monkeypatch.setattr("evimo.streaming.evaluating.Network", Network)
+    monkeypatch.setattr("evimo.streaming.evaluating.model_of", Network)
     return done
 
 
@@ -201,3 +201,17 @@ def test_a_folder_without_recordings_is_one_error(tmp_path, capsys):
 def test_a_model_that_is_not_there_is_one_error(recordings, capsys):
     assert main(["evaluate", str(recordings), "--model", "nowhere.onnx"]) == 2
     assert "no model 'nowhere.onnx'" in capsys.readouterr().err
+
+
+def test_the_classical_method_is_named_by_its_parameters_and_needs_no_weights(
+    recordings, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("evimo.streaming.inference.presets", dict)
+    out = tmp_path / "out"
+    assert main(["evaluate", str(recordings), "--model", "classical", "--out", str(out)]) == 0
+    report = load_report(out / "report.json")
+    assert report.counts["slices"] == 2 * SLICES
+    assert report.settings["model"] == "classical"
+    assert "threshold" in str(report.settings["model parameters"])
+    assert not any("sha256" in key for key in report.settings)
+    assert "classical" in (out / "report.md").read_text()

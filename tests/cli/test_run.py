@@ -24,6 +24,21 @@ def warnings_in(errors: str) -> list[str]:
     return [line for line in errors.splitlines() if " slices/s, " not in line]
 
 
+def test_the_classical_method_leaves_the_same_files_without_weights(recording, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("evimo.streaming.inference.presets", dict)
+    out = tmp_path / "out"
+    asked = ["--model", "classical", "--sensor", "32x24", "--event-labels", "--out", str(out)]
+    assert main(["run", str(recording), *asked]) == 0
+    assert names_in(out) == ALL | {"events.h5"}
+    model = json.loads((out / "summary.json").read_text())["model"]
+    assert model["name"] == "classical" and "sha256" not in model
+    assert "threshold 1.8" in model["parameters"] and model["config"]["threshold"] == 1.8
+    with h5py.File(out / "estimates.h5") as saved:
+        assert saved.attrs["model"] == "classical"
+        assert saved.attrs["model_parameters"] == model["parameters"]
+        assert "model_sha256" not in saved.attrs
+
+
 def test_a_recording_becomes_video_tables_and_maps(recording, fake_network, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["run", str(recording), "--model", str(fake_network), "--sensor", "32x24", "--out", str(out)]) == 0

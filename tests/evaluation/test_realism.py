@@ -118,7 +118,7 @@ TOO_FULL = {"quiet"}  # where so much fires hardly any place is quiet, and which
 
 def at_rest(recording: SimulatedRecording) -> SimulatedRecording:
     """The same with its camera standing where it would be half-way."""
-    pose = recording.scene.camera.at(np.array([recording.seconds / 2]))
+    pose = recording.scene.camera.at(np.array([recording.plan.seconds / 2]))
     return replace(recording, scene=replace(recording.scene, camera=Motion(pose.position[0], pose.rotation[0])))
 
 
@@ -158,7 +158,7 @@ def swept_statistics() -> list[EventStatistics]:
 
 def filmed(recording: SimulatedRecording) -> EventStatistics:
     events = joined([part.events for part in recording])
-    return event_statistics(in_memory(events, recording.camera.size, stop_us=round(recording.seconds * 1e6)))
+    return event_statistics(in_memory(events, recording.camera.size, stop_us=round(recording.plan.seconds * 1e6)))
 
 
 def in_memory(events, sensor: tuple[int, int], *, stop_us: int) -> EventFile:

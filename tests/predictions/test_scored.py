@@ -121,7 +121,7 @@ def test_a_run_with_labels_has_a_row_for_them_and_tells_its_model(
 ):
     save_estimates(tmp_path / "run" / "estimates.h5", all_ids)
     with h5py.File(tmp_path / "run" / "events.h5", "w") as file:
-        file.attrs["model_sha256"] = "0123"
+        file.attrs.update({"recording": "a", "model": "tiny", "model_sha256": "0123"})
         for name, column in zip(("t_us", "x", "y", "object"), labelled_rows.T, strict=True):
             file[name] = column if name != "object" else column * (column == 1)
     (tmp_path / "run" / "objects.csv").write_text(

@@ -2,7 +2,7 @@ import threading
 import time
 import warnings
 from dataclasses import replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +12,7 @@ from evimo.errors import BadInput, EvimoWarning
 from evimo.events.events import Events, joined
 from evimo.formats.event_file import FoundCamera
 from evimo.geometry.camera import Camera
-from evimo.streaming import pipeline
+from evimo.streaming import passes, pipeline
 from evimo.streaming.inference import Network
 from evimo.streaming.pipeline import Run, run
 
@@ -56,7 +56,7 @@ def test_intrinsics_reach_the_network(whole, camera):
 
 def speeds(monkeypatch, events, model, camera, *, more):
     """What reaches the second pass of the first one's twist, when alignment adds `more` to it."""
-    monkeypatch.setattr(pipeline, "aligned", lambda _, motion, **__: motion._replace(twist=motion.twist + more))
+    monkeypatch.setattr(passes, "aligned", lambda _, motion, **__: motion._replace(twist=motion.twist + more))
     return np.array([estimate.ego[4:] for estimate in run(events, model=model, camera=camera)])
 
 
@@ -78,9 +78,9 @@ def test_a_rotation_that_a_gyroscope_measured_is_not_aligned(monkeypatch, discs,
         told.add(known_rotation)
         return motion
 
-    monkeypatch.setattr(pipeline, "aligned", aligned)
+    monkeypatch.setattr(passes, "aligned", aligned)
     rotation = np.array((0, 0, 0, known), np.float32)
-    monkeypatch.setattr(pipeline, "rotation_of", lambda *_: SimpleNamespace(of_slice=lambda *_: rotation))
+    monkeypatch.setattr(passes, "rotation_of", lambda *_: SimpleNamespace(of_slice=lambda *_: rotation))
     list(run(recorded(discs), model=fake_network, camera=camera))
     assert told == {known}
 
@@ -224,11 +224,12 @@ def test_time_is_kept_by_stage(discs, recorded, fake_network, camera):
 
 
 def test_a_reader_that_fails_does_so_here_after_the_slices_before(discs, recorded, fake_network, camera):
-    events = recorded(discs, cuts=[3000])
+    """A packet waits for the next one, in case that begins before its end."""
+    events = recorded(discs, cuts=[3000, 4000, 5000])
     read = events.read
 
     def broken(start_us):
-        yield next(read(start_us))
+        yield from islice(read(start_us), 3)
         raise OSError("the cable was pulled")
 
     events.read = broken

@@ -37,7 +37,8 @@ def evaluate(
             or the folder of a run, a folder of PNG masks, an npz with masks or ids and times, or labels of events as
             CSV or npz; for several recordings, a folder with one of these for each, named like it.
         truth: recordings that the predictions are of.
-        model: a preset, or the path of an ONNX file; small unless told otherwise.
+        model: a preset, the path of an ONNX file, or `classical`, the training-free method; small unless told
+            otherwise.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
         imu: off, unless told otherwise, scores events alone; auto takes the camera's rotation from the recordings'

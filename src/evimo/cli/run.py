@@ -42,7 +42,7 @@ def run(
 
     Args:
         recording: an event file of any known format; `evimo info` says what is inside.
-        model: a preset's name, or an .onnx file.
+        model: a preset's name, or an .onnx file, or classical, a method that needs no weights.
         calibration: of the camera: a file by kalibr, ROS, OpenCV, Metavision or DV, among others. Without it what the
             recording says of itself, else a guess.
         camera: its name in the calibration file, where that holds several that fit.
@@ -90,10 +90,10 @@ def _prepared(
 
     `calibration` is a file and the camera's name in it; `how` as in `Run`.
     """
-    from evimo.streaming.inference import Network
+    from evimo.streaming.models import model_of
     from evimo.streaming.pipeline import Run
 
-    network = Network(model)
+    network = model_of(model)
     events = reading.opened(recording)
     file, name = calibration
     camera = None

@@ -131,7 +131,7 @@ def _load_plugin(path: Path, codec: str) -> None:
     except ImportError as error:
         raise MissingExtra(
             f"{path.name} is compressed with {codec}, for which hdf5plugin is missing",
-            fix='pip install "hdf5plugin>=5"',
+            extra="formats",
         ) from error
 
 

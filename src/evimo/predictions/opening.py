@@ -90,7 +90,7 @@ def _open_folder(folder: Path, recording: Recording) -> Predictions:
         maps = open_estimates(estimates, recording.camera.size)
         if labels is None:
             return maps
-        if labels.facts.get("model_sha256") != maps.facts.get("model_sha256"):
+        if labels.facts != maps.facts:
             raise BadFile(f"{ESTIMATES} and {EVENTS} in {folder} are of different models", fix=f"give {estimates}")
         kind = f"{maps.kind}, {labels.kind}"
         return Predictions(path=folder, kind=kind, maps=maps.maps, labels=labels.labels, facts=maps.facts)

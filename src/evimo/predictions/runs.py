@@ -42,8 +42,8 @@ def opened_h5(path: Path) -> h5py.File:
 
 
 def facts_of(file: h5py.File) -> dict[str, str]:
-    """What the file tells of the recording and the model."""
-    return {name: str(file.attrs[name]) for name in ("recording", "model", "model_sha256") if name in file.attrs}
+    """What the file tells of the recording and of the model: its name, and its hash or its parameters."""
+    return {name: str(value) for name, value in file.attrs.items() if name == "recording" or name.startswith("model")}
 
 
 def open_estimates(path: Path, sensor: tuple[int, int]) -> Predictions:

@@ -17,7 +17,7 @@ from evimo.recordings.facts import own_version
 from evimo.recordings.finding import recordings_in
 from evimo.recordings.prediction import Prediction
 from evimo.recordings.recording import Recording, open_recording
-from evimo.streaming.inference import Network
+from evimo.streaming.models import model_of
 from evimo.streaming.pipeline import run
 
 Tick = Callable[[], None]
@@ -60,7 +60,7 @@ def evaluate(
     opened = [open_recording(path) for path in recordings_in(Path(path) for path in paths)]
     settings: dict[str, str | float] = {
         "model": str(model),
-        "model sha256": Network(model).sha256,
+        **{f"model {key}": value for key, value in model_of(model).identity.items()},
         "density threshold": density_threshold,
         "imu": imu,
         "evimo": own_version(),

@@ -93,6 +93,11 @@ def presets() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.onnx")) if not path.name.endswith(FIRST_PASS)}
 
 
+def workers_here(wanted: int | None) -> int:
+    """How many slices may run side by side: as wanted, or one per core, at most four."""
+    return wanted or min(MOST_WORKERS, os.cpu_count() or 1)
+
+
 class Network:
     """A trained model ready to run.
 
@@ -116,11 +121,14 @@ class Network:
             BadFile: not an ONNX model, or not one of ours.
         """
         self.name = str(name_or_path)
-        self.workers = workers or min(MOST_WORKERS, os.cpu_count() or 1)
+        self.workers = workers_here(workers)
         path = presets().get(self.name) or Path(name_or_path)
         if not path.is_file():
             known = ", ".join(presets()) or "none is installed"
-            raise NotFound(f"no model {self.name!r}", fix=f"a preset ({known}), or the path of an .onnx file")
+            raise NotFound(
+                f"no model {self.name!r}",
+                fix=f"a preset ({known}), classical, which needs no weights, or the path of an .onnx file",
+            )
         content = path.read_bytes()
         self._second = _session(path, content, threads)
         _check_names(path, self._second, (SECOND_INPUTS, SECOND_OUTPUTS))
@@ -136,6 +144,11 @@ class Network:
         _check_names(beside, self._first, (FIRST_INPUTS, FIRST_OUTPUTS))
         if _facts(beside, self._first) != (self.config, self.stride):
             raise BadFile(f"{beside} is the first pass of another model", fix="both files of the same training run")
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """What tells its results from another model's."""
+        return {"sha256": self.sha256}
 
     def first(self, seen: Seen, candidates: F4) -> CameraMotion:
         """Run the first pass on the events as they come, at half the rectified image's size.

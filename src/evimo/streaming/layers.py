@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.classical.sharpness import ARM, MARGIN, PEAK, read, sharpest, sharpness, warp_back
 from evimo.streaming.nearby import Nearby
-from evimo.streaming.sharpness import ARM, MARGIN, PEAK, read, sharpest, sharpness, warp_back
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

@@ -39,7 +39,8 @@ class Outputs:
         self._tables = self._opened(Tables(folder.path("egomotion.csv"), folder.path("objects.csv")))
         self._maps = self._events = self._video = None
         network = run.network
-        about = {"recording": run.events.path.name, "model": network.name, "model_sha256": network.sha256}
+        about = {"recording": run.events.path.name, "model": network.name}
+        about |= {f"model_{key}": value for key, value in network.identity.items()}
         try:
             self._open_wanted(folder, run, about=about, dense=dense, video_speed=video_speed)
         except BaseException:

@@ -2,24 +2,21 @@
 
 One thread reads events, cuts slices and places them in the rectified image. Several run the first pass, a slice each,
 from which small graphs gain more than from threads inside one slice. As many correct what it found by direct alignment,
-take the camera's motion out of the events and run the second pass, and the caller's own lets neighbouring slices agree
-and finds objects. Bounded queues join them, so an hour needs no more memory than a second.
+take the camera's motion out of the events and run the second pass. Instead of both passes there may be the fit of
+`four_parameters`. The caller's own thread lets neighbouring slices agree and finds objects. Bounded queues join them,
+so an hour needs no more memory than a second.
 """
 
 from collections.abc import Generator, Iterator
 from contextlib import closing
 from functools import partial
-from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadInput
-from evimo.events.direct_alignment import aligned
 from evimo.events.events import Events, joined
-from evimo.events.local_motion import motion_candidates
 from evimo.events.slices import Slice, in_slices, in_stacks
 from evimo.events.stack import EventStack
 from evimo.formats.event_file import EventFile
@@ -31,30 +28,17 @@ from evimo.geometry.rectification import rectified
 from evimo.recordings.estimate import Estimate
 from evimo.streaming.agreement import Agreement
 from evimo.streaming.event_labels import EventLabeller
-from evimo.streaming.inference import Answer, CameraMotion, Network
-from evimo.streaming.looks import Looks, Placed, stacked
+from evimo.streaming.inference import Answer
+from evimo.streaming.looks import Placed, stacked
+from evimo.streaming.models import Model, model_of, passes_of
 from evimo.streaming.objects import ObjectFinder
-from evimo.streaming.rotation import ALIGNED_OVER, NO_ROTATION, SLICE_S, UNKNOWN, Rotation, rotation_of
+from evimo.streaming.passes import Stacked
+from evimo.streaming.rotation import NO_ROTATION, Rotation
 from evimo.streaming.span import AGREEING, STACKED, span_of
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import ahead, in_parallel
 
 AHEAD = 2  # stacks that wait for the networks
-
-
-class Stacked(NamedTuple):
-    """One slice, its events (and its neighbours', if they are to be labelled), and the stack it is the middle of."""
-
-    part: Slice
-    window: Events
-    stack: EventStack
-
-
-class Looked(NamedTuple):
-    """A stack, and what the first pass says of its middle slice; None where that has no events."""
-
-    stacked: Stacked
-    motion: CameraMotion | None
 
 
 def run(
@@ -73,7 +57,7 @@ def run(
     Args:
         events: a recording, from `open_events`; or its path; or events in memory: `Events`, a structured array with
             fields t, x, y and p, or an array (N, 4) whose columns are t, x, y and p; t in whole µs.
-        model: a preset's name, or the path of an ONNX file.
+        model: a preset's name, or the path of an ONNX file, or `classical`, the training-free method.
         camera: of the sensor, or the path of a calibration file; without it what the recording says of itself, else a
             guess (with a warning).
         sensor: (height, width) in px, where the recording does not tell; of events in memory the camera's is known.
@@ -95,7 +79,7 @@ def run(
     return _estimates(
         Run(
             recording,
-            Network(model),
+            model_of(model),
             camera=camera,
             start_s=start_s,
             stop_s=stop_s,
@@ -135,7 +119,7 @@ class Run:
     def __init__(
         self,
         events: EventFile,
-        network: Network,
+        network: Model,
         *,
         camera: Camera | None = None,
         start_s: float = 0.0,
@@ -153,8 +137,8 @@ class Run:
         self.rectification = rectified(camera)
         self.rectification.warn_of_invalid()
         self.placed = Placed(self.rectification)
-        self._looks = Looks(self.rectification, stride=network.stride)
         self.stopwatch = Stopwatch()
+        self._passes = passes_of(network, self.rectification, self.stopwatch)
         self._agreement = Agreement(self.rectification)
         self.finder = ObjectFinder(self.rectification)
         self._labeller = EventLabeller(self.rectification) if event_labels else None
@@ -169,19 +153,9 @@ class Run:
     def rotation(self) -> Rotation:
         """What is known of the camera's rotation; a gyroscope's axes are found when it is first asked for."""
         if self._rotation is None:
-            self._rotation = rotation_of(self.events, self._seen_rotations)
+            self._rotation = self._passes.rotation(self.events, self._stacks)
+            self.placed.dropped = 0
         return self._rotation
-
-    def _seen_rotations(self) -> tuple[list[int], NDArray[np.float64]]:
-        """Centres of the first slices of the span, and the rotation that the first pass sees in them, rad/s."""
-        looked: list[Looked] = []
-        with closing(self._stacks()) as stacks:
-            for stacked in islice(stacks, ALIGNED_OVER):
-                looked.append(self._first(stacked, UNKNOWN))
-        self.placed.dropped = 0
-        seen = [(each.stacked.part.centre_us, each.motion.ego[3:] / SLICE_S) for each in looked if each.motion]
-        rates = [rate for _, rate in seen]
-        return [centre_us for centre_us, _ in seen], np.array(rates, np.float64).reshape(-1, 3)
 
     def slices(self) -> Generator[tuple[Estimate, Events]]:
         """Each slice's estimate and its events; once."""
@@ -196,9 +170,7 @@ class Run:
         """Each slice's estimate, without labels of events."""
         rotation = self.rotation
         stacks = ahead(self._stacks(), depth=AHEAD)
-        firsts = in_parallel(partial(self._first_of, rotation), stacks, workers=self.network.workers)
-        second = partial(self._second_of, rotation)
-        with closing(in_parallel(second, self._looked(firsts), workers=self.network.workers)) as answers:
+        with closing(self._passes.answers(stacks, self.span, rotation)) as answers:
             for row in in_stacks(answers, None, length=AGREEING):
                 middle = row[AGREEING // 2]
                 if middle is None or not self.span.first <= middle[0].part.index < self.span.last:
@@ -240,49 +212,6 @@ class Run:
                 near = row[half - 1 : half + 2] if self.labels_events else [middle]
                 window = joined([each[0].events for each in near if each is not None])
                 yield Stacked(middle[0], window, stacked([each and each[1] for each in row]))
-
-    def _first_of(self, rotation: Rotation, stacked: Stacked) -> Looked:
-        return self._first(stacked, rotation.of_slice(stacked.part.start_us, stacked.part.stop_us))
-
-    def _first(self, stacked: Stacked, rotation: NDArray[np.float32]) -> Looked:
-        if not len(stacked.part.events):
-            return Looked(stacked, None)
-        with self.stopwatch.stage("first look"):
-            seen = self._looks.first(stacked.stack, rotation)
-        with self.stopwatch.stage("local motion"):
-            candidates = motion_candidates(seen.voxels)
-        with self.stopwatch.stage("first pass"):
-            return Looked(stacked, self.network.first(seen, candidates))
-
-    def _looked(self, firsts: Generator[Looked]) -> Generator[tuple[Looked, ...]]:
-        """Five in a row around each slice of the span and its neighbours; at the ends the nearest again."""
-        near = AGREEING // 2
-        with closing(firsts):
-            for row in in_stacks(firsts, None, length=STACKED):
-                middle = row[STACKED // 2]
-                if middle is not None and self.span.first - near <= middle.stacked.part.index < self.span.last + near:
-                    yield tuple(_nearest(row, number, middle) for number in range(STACKED))
-
-    def _second_of(self, rotation: Rotation, row: tuple[Looked, ...]) -> tuple[Stacked, Answer | None]:
-        middle = row[STACKED // 2]
-        part = middle.stacked.part
-        if middle.motion is None:
-            return middle.stacked, None
-        known = rotation.of_slice(part.start_us, part.stop_us)
-        with self.stopwatch.stage("alignment"):
-            first = self._looks.static_motion([each.motion for each in row if each.motion])
-            motion = aligned(middle.stacked.stack, first, known_rotation=known[3] > 0)
-        with self.stopwatch.stage("second look"):
-            seen = self._looks.second(middle.stacked.stack, motion, known)
-        with self.stopwatch.stage("second pass"):
-            taken = middle.motion._replace(ego=motion.twist[STACKED // 2])
-            return middle.stacked, self.network.second(seen, taken)
-
-
-def _nearest(row: tuple[Looked | None, ...], number: int, middle: Looked) -> Looked:
-    """The one at that place, or the nearest to it towards the middle, of those with events."""
-    towards = range(number, STACKED // 2, 1 if number < STACKED // 2 else -1)
-    return next((each for k in towards if (each := row[k]) is not None and each.motion), middle)
 
 
 def _camera_of(events: EventFile, camera: Camera | None) -> tuple[Camera, str]:

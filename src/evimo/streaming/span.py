@@ -27,6 +27,10 @@ class Span:
     def __len__(self) -> int:
         return max(0, self.last - self.first)
 
+    def is_near(self, index: int) -> bool:
+        """Whether a slice is one of them, or agrees with one of them."""
+        return self.first - AGREEING // 2 <= index < self.last + AGREEING // 2
+
     @property
     def length_s(self) -> float:
         """Seconds of recording that the slices cover."""

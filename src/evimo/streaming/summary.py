@@ -37,7 +37,7 @@ def summary(run: Run, course: Course, *, settings: dict[str, Any], warnings: Seq
     events, rectification = run.events, run.rectification
     return {
         "versions": {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES},
-        "model": {"name": run.network.name, "sha256": run.network.sha256, "config": run.network.config},
+        "model": {"name": run.network.name} | run.network.identity | {"config": run.network.config},
         "settings": settings,
         "recording": {
             "name": events.path.name,

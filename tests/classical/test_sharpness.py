@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from evimo.streaming.sharpness import (
+from evimo.classical.sharpness import (
     ARM,
     MARGIN,
     PEAK,
