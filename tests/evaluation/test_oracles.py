@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from pytest import approx
 from scipy import ndimage
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from evimo.evaluation.assignment import best_assignment
 from evimo.evaluation.instances import Identities, instances_of, matched_scores, overlaps
 from evimo.evaluation.labels import LabelledSlice, labelled
 from evimo.evaluation.metrics import depth_errors, direction_error, rotation_error
@@ -214,3 +216,14 @@ def test_spikems_is_what_scipys_dilation_and_sets_of_pixels_say():
             compared += 1
             assert scores["iou_spikems_3"].value == approx(len(true & predicted) / len(true | predicted))
     assert compared > 5
+
+
+def test_assignments_are_worth_what_scipys_are():
+    rng = np.random.default_rng(10)
+    for _ in range(300):
+        gain = rng.random(rng.integers(0, 9, 2)) * (rng.random() < 0.9)
+        gain[gain < 0.4] = 0
+        rows = best_assignment(gain)
+        taken = rows[rows >= 0]
+        assert len(set(taken.tolist())) == len(taken)
+        assert gain[taken, np.flatnonzero(rows >= 0)].sum() == approx(gain[linear_sum_assignment(-gain)].sum())

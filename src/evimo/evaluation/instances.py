@@ -5,8 +5,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
+from evimo.evaluation.assignment import best_assignment
 from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice
 from evimo.evaluation.metrics import Mask
 from evimo.evaluation.ratios import Score, Scores
@@ -94,8 +94,8 @@ def matched_scores(pairs: Overlaps) -> Scores:
     """
     iou = pairs.iou[:, pairs.true_px >= SMALL_AREA_PX]
     iou = iou[(iou > 0).any(axis=1)]
-    rows, columns = linear_sum_assignment(iou, maximize=True)
-    best = iou[rows, columns]
+    rows = best_assignment(iou)
+    best = iou[rows[rows >= 0], np.flatnonzero(rows >= 0)]
     best = best[best > 0]
     scores: Scores = {}
     if iou.shape[1]:

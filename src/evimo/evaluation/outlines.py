@@ -3,7 +3,6 @@
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 from evimo.evaluation.metrics import Mask
 
@@ -13,8 +12,15 @@ Box = tuple[int, int, int, int]
 
 def boxes_of(labels: NDArray[np.int32]) -> list[Box]:
     """The bounding boxes of the objects in a map of labels (H, W), 0 being none."""
-    places = (place for place in find_objects(labels) if place is not None)
-    return [(columns.start, rows.start, columns.stop - 1, rows.stop - 1) for rows, columns in places]
+    rows, columns = np.nonzero(labels)
+    if not len(rows):
+        return []
+    order = np.argsort(labels[rows, columns], kind="stable")
+    rows, columns = rows[order], columns[order]
+    starts = np.flatnonzero(np.diff(labels[rows, columns], prepend=0))
+    ends = (least.reduceat(each, starts) for least in (np.minimum, np.maximum) for each in (columns, rows))
+    x0, y0, x1, y1 = (each.tolist() for each in ends)
+    return list(zip(x0, y0, x1, y1, strict=True))
 
 
 def box_px(box: Box) -> int:
