@@ -20,7 +20,7 @@ ROWS = [
     "events",
     "formats",
     "recordings",
-    "scene model losses classical",
+    "scene model losses classical predictions",
     "annotate simulate evaluation viewing",
     "training streaming",
     "cli",

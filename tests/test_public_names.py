@@ -11,6 +11,7 @@ NAMES = {
     "Estimate",
     "Events",
     "evaluate",
+    "evaluate_predictions",
     "load_camera",
     "load_model",
     "open_events",

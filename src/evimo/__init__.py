@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from evimo.recordings.estimate import Estimate
     from evimo.recordings.recording import open_recording
     from evimo.streaming.evaluating import evaluate
+    from evimo.streaming.evaluating_predictions import evaluate_predictions
     from evimo.streaming.pipeline import run
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "Estimate",
     "Events",
     "evaluate",
+    "evaluate_predictions",
     "load_camera",
     "load_model",
     "open_events",
@@ -37,6 +39,7 @@ _HOMES = {
     "Estimate": "evimo.recordings.estimate",
     "Events": "evimo.events.events",
     "evaluate": "evimo.streaming.evaluating",
+    "evaluate_predictions": "evimo.streaming.evaluating_predictions",
     "load_camera": "evimo.geometry.calibration",
     "load_model": "evimo.model.checkpoint",
     "open_events": "evimo.formats.opening",

@@ -123,7 +123,7 @@ def test_a_perfect_model_is_perfect_and_the_trivial_answers_are_not(runs, record
     assert report.value("true flow", "iou") == 0  # 0.2 m/s, 1 m away, seen by 40 px: 0.2 px a slice, below 0.3
     assert report.value("zero twist", "camera_aee") == approx(0.5)
     assert report.value("zero twist", "camera_rre") == approx(0.2)
-    assert report.value("mean depth", "abs_rel") == approx(100 / 1200)
+    assert report.value("one depth everywhere", "abs_rel") == approx(100 / 1200)
     printed = capsys.readouterr().out
     assert "simulated recordings" in printed and "beats zero flow" in printed
     page = (tmp_path / "out" / "report.md").read_text()

@@ -54,7 +54,7 @@ def test_trivial_answers_score_what_they_must(sample):
     assert (background["recall"].value, everything["recall"].value) == (0, 1)
     assert (background["clutter"].value, everything["clutter"].value) == (0, 1)
     assert everything["event_iou"].value == approx(4 / 10)
-    assert rows[baselines.MEAN_DEPTH]["abs_rel"].value == approx(6 / 48)
+    assert rows[baselines.CONSTANT_DEPTH]["abs_rel"].value == approx(6 / 48)
     assert rows[baselines.ZERO_FLOW]["flow"].value == approx(50)
     assert rows[baselines.ZERO_FLOW]["flow_ratio"].value == approx(1)
 

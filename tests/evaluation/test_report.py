@@ -65,7 +65,7 @@ def test_csv_has_a_line_per_row_and_leaves_unknowns_empty(report, tmp_path):
     assert lines[0]["abs_rel"] == ""
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": 99}', '{"format": 2, "title": "x", "rows": {"a": 1}}'])
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": 99}', '{"format": 3, "title": "x", "rows": {"a": 1}}'])
 def test_other_files_are_refused(content, tmp_path):
     (tmp_path / "report.json").write_text(content)
     with pytest.raises(BadFile):
@@ -82,7 +82,7 @@ def test_tables_hold_every_row_and_the_numbers(report):
     console.print(as_rich(report))
     page = as_markdown(report)
     assert "# simulated recordings" in page
-    for row in (MODEL, baselines.ALL_BACKGROUND, baselines.EVERYTHING, baselines.MEAN_DEPTH, baselines.ZERO_FLOW):
+    for row in (MODEL, baselines.ALL_BACKGROUND, baselines.EVERYTHING, baselines.CONSTANT_DEPTH, baselines.ZERO_FLOW):
         assert f"| {row} |" in page
     assert "| model | 0.500 |" in page and "| model, set 1 | 0.500 |" in page
     assert "## by area" in page and "## objects seen in training" not in page  # nobody says which are

@@ -12,14 +12,15 @@ from evimo.evaluation.scores import (
     at_rest,
     depth_scale,
     depth_scores,
-    estimate_scores,
     event_label_scores,
     flow_scores,
     mask_scores,
     object_scores,
+    prediction_scores,
     twist_scores,
 )
 from evimo.recordings.estimate import Estimate, MovingObject
+from evimo.recordings.prediction import prediction_of
 
 
 def value(scores, name):
@@ -194,7 +195,7 @@ def test_a_perfect_estimate_is_perfect_in_every_column(big_sample):
         ego=truth.ego * [0.5, 0.5, 0.5, 1, 1, 1],
         objects=(found,),
     )
-    scores = {name: score.value for name, score in estimate_scores(estimate, big_sample).items()}
+    scores = {name: score.value for name, score in prediction_scores(prediction_of(estimate), big_sample).items()}
     best = {"iou", "event_iou", "recall", "detected", "objects_found", "delta_1", "delta_2", "delta_3"}
     for name, number in scores.items():
         assert number == approx(1 if name.startswith(tuple(best)) else 0, abs=1e-6), name

@@ -2,8 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from evimo.evaluation.protocol_scores import Protocols
+from evimo.evaluation.report import MODEL
 from evimo.evaluation.scoring import slice_report
 from evimo.recordings.estimate import Estimate
+from evimo.recordings.prediction import prediction_of
 
 
 def test_a_slice_without_events_is_counted_and_spoils_no_score(sample):
@@ -23,7 +26,10 @@ def test_a_slice_without_events_is_counted_and_spoils_no_score(sample):
         objects=(),
     )
     silent = replace(known, has_events=False, ego=np.full(6, np.nan), valid=np.zeros(shape, np.bool_))
-    one = slice_report(known, sample, density_threshold=1.0)
-    both = one + slice_report(silent, sample, density_threshold=1.0)
+    one, other = (
+        slice_report(prediction_of(each), sample, {MODEL: Protocols()}, density_threshold=1.0)
+        for each in (known, silent)
+    )
+    both = one + other
     assert both.rows == one.rows
     assert (both.counts["slices"], both.counts["slices without events"]) == (1, 1)

@@ -1,41 +1,85 @@
-"""`evimo evaluate`: score a model on recordings that know the truth."""
+"""`evimo evaluate`: score a model, or any program's predictions, on recordings that know the truth."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
+from cyclopts import Parameter
 from rich.console import Console
 
 from evimo.cli.progress import progress
+from evimo.errors import BadInput
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
+from evimo.evaluation.report import Report
 from evimo.evaluation.tables import as_markdown, as_rich
 from evimo.streaming import evaluating
+from evimo.streaming.evaluating_predictions import WITHIN_MS, evaluate_predictions
 from evimo.writing import make_folder, save_files
 
-WIDTH = 150
+WIDTH = 170
 
 
 def evaluate(
     *paths: Path,
-    model: str = "small",
+    truth: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
+    model: str | None = None,
     out: Path | None = None,
-    imu: Literal["auto", "off"] = "off",
+    imu: Literal["auto", "off"] | None = None,
+    within_ms: float | None = None,
     density_threshold: float = DENSITY_THRESHOLD,
 ) -> None:
-    """Score a model on simulated recordings, beside the trivial answers.
+    """Score a model on simulated recordings, or the predictions of any program, beside the trivial answers.
+
+    evimo evaluate RECORDING... --model small
+    evimo evaluate PREDICTIONS --truth RECORDING...
 
     Args:
-        paths: recordings, folders or .npz files, or folders that hold them.
-        model: a preset, or the path of an ONNX file, or `classical`, the training-free method.
+        paths: recordings, folders or .npz files, or folders that hold them. With --truth, the predictions: estimates.h5
+            or the folder of a run, a folder of PNG masks, an npz with masks or ids and times, or labels of events as
+            CSV or npz; for several recordings, a folder with one of these for each, named like it.
+        truth: recordings that the predictions are of.
+        model: a preset, the path of an ONNX file, or `classical`, the training-free method; small unless told
+            otherwise.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
-        imu: off scores events alone; auto takes the camera's rotation from the recordings' gyroscopes.
+        imu: off, unless told otherwise, scores events alone; auto takes the camera's rotation from the recordings'
+            gyroscopes.
+        within_ms: how far the time of a predicted mask may be from a slice's centre; 1 unless told otherwise.
         density_threshold: times the mean event density, for that baseline; tuned on other recordings.
     """
     if out is not None:
         make_folder(out)
-    report = evaluating.evaluate(
-        paths, model=model, out=out, imu=imu, density_threshold=density_threshold, progress=progress
+    if truth:
+        if model is not None or imu is not None:
+            raise BadInput("--model and --imu run a model; --truth scores predictions", fix="leave them or --truth out")
+        report = _of_predictions(paths, truth, within_ms=within_ms, density_threshold=density_threshold)
+    else:
+        if within_ms is not None:
+            raise BadInput("--within-ms is about predictions", fix="evimo evaluate PREDICTIONS --truth RECORDING...")
+        report = evaluating.evaluate(
+            paths,
+            model=model or "small",
+            out=out,
+            imu=imu or "off",
+            density_threshold=density_threshold,
+            progress=progress,
+        )
+    _show(report, out)
+
+
+def _of_predictions(
+    paths: tuple[Path, ...], truth: tuple[Path, ...], *, within_ms: float | None, density_threshold: float
+) -> Report:
+    """The report of one program's predictions."""
+    if len(paths) != 1:
+        raise BadInput(f"{len(paths)} predictions", fix="evimo evaluate PREDICTIONS --truth RECORDING...")
+    within = WITHIN_MS if within_ms is None else within_ms
+    return evaluate_predictions(
+        paths[0], truth, within_ms=within, density_threshold=density_threshold, progress=progress
     )
+
+
+def _show(report: Report, out: Path | None) -> None:
+    """Print the report, and save it where that is wanted."""
     Console(width=max(Console().width, WIDTH)).print(as_rich(report))  # narrower, they fold into letters
     if out is not None:
         contents = {"report.json": report.as_json(), "report.csv": report.as_csv(), "report.md": as_markdown(report)}

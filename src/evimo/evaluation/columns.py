@@ -1,26 +1,13 @@
 """What each number of a report is: its header, its unit, which way is better, what exactly is measured."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
 
+from evimo.evaluation.baselines import CONSTANT_DEPTH
 from evimo.evaluation.ceilings import NEAREST_M, THRESHOLD_PX
+from evimo.evaluation.column import Column
+from evimo.evaluation.protocols import DENSE, EVENTS, MOVERS, NEW, SLICE, Protocol
 from evimo.evaluation.strata import AREAS, FAMILIARITY, RESIDUALS
 from evimo.recordings.truth import MOVING_DEGPS, MOVING_MPS
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """One column of a table; `name` is the score's name, `of` the movers it is of, if not all."""
-
-    name: str
-    header: str
-    better: Literal["higher", "lower"]
-    meaning: str
-    digits: int = 3
-    unit: str = ""
-    of: str = ""
-
 
 OF_ALL: tuple[Column, ...] = (
     Column("iou", "IoU", "higher", "dense, mean over frames in which something moves in sight"),
@@ -62,6 +49,7 @@ OF_ALL: tuple[Column, ...] = (
         "object_aee", "obj AEE", "lower", "error of object velocity averaged in the true mask, true speed", 3, "m/s"
     ),
     Column("object_aee_depth", "obj AEE, depth", "lower", "the same, scaled by the median depths' ratio", 3, "m/s"),
+    Column("object_aee_found", "obj AEE, found", "lower", "obj AEE over objects on which any is predicted", 3, "m/s"),
     Column("objects_found", "objects found", "higher", "share of moving objects on which any velocity is predicted"),
     Column("abs_rel", "AbsRel", "lower", "mean of |error| / true depth, median scale"),
     Column("rmse_log", "RMSE log", "lower", "root mean square of the log difference"),
@@ -87,7 +75,7 @@ BY_STRATUM: tuple[Column, ...] = tuple(
     )
     for stratum, words in STRATA.items()
 )
-COLUMNS: tuple[Column, ...] = (*OF_ALL, *BY_STRATUM)
+COLUMNS: tuple[Column, ...] = (*OF_ALL, *(protocol.column for protocol in NEW), *BY_STRATUM)
 BY_NAME = {column.name: column for column in COLUMNS}
 
 
@@ -97,11 +85,25 @@ def by_stratum(kind: str, strata: Mapping[str, str]) -> tuple[str, ...]:
 
 
 OVERVIEW = "overview"
+PROTOCOLS_SECTION = "published protocols"
+PROTOCOLS: tuple[Protocol, ...] = (
+    Protocol("dense", BY_NAME["iou"], DENSE, MOVERS, "EV-IMO"),
+    Protocol("dense-30px", BY_NAME["iou_30px"], DENSE, "frames with ≥ 30 moving px", "EV-IMO, small movers left out"),
+    Protocol("dense-pooled", BY_NAME["iou_pooled"], DENSE, "all frames, summed", "IoU of segmentation"),
+    *NEW[:4],
+    Protocol("events", BY_NAME["event_iou"], EVENTS, "all frames, summed", "point IoU", SLICE),
+    Protocol("events-frames", BY_NAME["event_iou_frames"], EVENTS, "frames with a moving event", "point IoU", SLICE),
+    Protocol("events-own", BY_NAME["event_iou_own"], "events, by their own ids", "all frames, summed", "GConv", SLICE),
+    *NEW[4:],
+)
+"""Every way to score a mask that somebody has published, in the order in which they are printed."""
 SECTIONS: dict[str, tuple[str, ...]] = {
     OVERVIEW: (
         *("iou", "event_iou", "recall", "detected", "clutter", "false_alarm_events", "flow"),
-        *("camera_aee", "camera_rre", "direction", "object_aee", "abs_rel", "delta_1"),
+        *("camera_aee", "camera_aee_depth", "camera_rre", "direction", "object_aee", "objects_found"),
+        *("abs_rel", "delta_1"),
     ),
+    PROTOCOLS_SECTION: tuple(protocol.column.name for protocol in PROTOCOLS),
     "moving mask": (
         *("iou", "iou_30px", "iou_pooled", "event_iou", "event_iou_frames", "event_iou_own"),
         *("recall", "recall_dense"),
@@ -115,7 +117,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     ),
     "motion": (
         *("camera_aee", "aee_ratio", "camera_aee_depth", "aee_depth_ratio", "camera_rre", "rre_ratio", "direction"),
-        *("object_aee", "object_aee_depth", "objects_found"),
+        *("object_aee", "object_aee_found", "object_aee_depth", "objects_found"),
     ),
     "flow": ("flow", "flow_ratio", "flow_movers", "flow_movers_ratio", "flow_dense"),
     "depth": (
@@ -146,7 +148,12 @@ CONVENTIONS: tuple[str, ...] = (
     f"The rows of true flow are no answers but ceilings: moving is where it differs by more than {THRESHOLD_PX} px per"
     " slice from what a static point does at the true depth, or (depth unknown) at any depth beyond"
     f" {NEAREST_M} m. One camera cannot tell more from motion alone in one instant.",
+    "Object velocity is averaged over the true mask, zero where nothing is predicted, then brought to the true speed;"
+    " objects of which nothing is predicted count with their true speed, and are left out of `obj AEE, found`.",
     "Depth over pixels with known depth, median scale per frame, natural logarithms, mean over frames.",
+    f"The row {CONSTANT_DEPTH!r} says one depth for all pixels: scaled as every row is, the median of the true depths.",
+    "Truth is exact geometry at its instant. Simulated events trail it by 1 to 4 ms, as slow pixels do (low-pass):"
+    " even perfect masks do not have all of their events inside.",
     "Event density is the event count in a box of 1/13 of the width, over the mean of the frame; the oracle threshold"
     " is the one with the best IoU on these very recordings.",
 )

@@ -8,16 +8,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from evimo.errors import BadFile, NotFound
+from evimo.errors import BadFile, BadInput, NotFound
 from evimo.evaluation import baselines
 from evimo.evaluation.columns import COLUMNS, CONVENTIONS
+from evimo.evaluation.ranked import Ranked, ranked_from
 from evimo.evaluation.ratios import Score, Scores, added
 from evimo.writing import save_text
 
 Key = TypeVar("Key")
 
 MODEL = "model"
-FORMAT = 2
+LABELS = "model, its labels of events"
+FORMAT = 3
 """Of report.json; grows when the meaning of a number changes, so that older files are not mixed with newer ones."""
 
 
@@ -27,6 +29,7 @@ class Report:
 
     rows:     scores by the row's name, `MODEL` first.
     groups:   the model's scores once more by group, such as the kind of scene.
+    ranked:   of rows with masks, what must be put in order over all slices before it is a number.
     density:  mask scores of each density threshold, from which the oracle row is made.
     counts:   what was scored and what was left out.
     settings: model, versions, thresholds: what the numbers depend on.
@@ -35,6 +38,7 @@ class Report:
     title: str = "recordings"
     rows: Mapping[str, Scores] = field(default_factory=dict[str, Scores])
     groups: Mapping[str, Scores] = field(default_factory=dict[str, Scores])
+    ranked: Mapping[str, Ranked] = field(default_factory=dict[str, Ranked])
     density: Mapping[float, Scores] = field(default_factory=dict[float, Scores])
     counts: Mapping[str, int] = field(default_factory=dict[str, int])
     settings: Mapping[str, str | float] = field(default_factory=dict[str, str | float])
@@ -46,6 +50,10 @@ class Report:
             self.title,
             rows=added_tables(self.rows, other.rows),
             groups=added_tables(self.groups, other.groups),
+            ranked={
+                row: self.ranked.get(row, Ranked()) + other.ranked.get(row, Ranked())
+                for row in {**self.ranked, **other.ranked}
+            },
             density=added_tables(self.density, other.density),
             counts=counts,
             settings=self.settings,
@@ -53,20 +61,23 @@ class Report:
 
     @property
     def table_rows(self) -> dict[str, Scores]:
-        """The rows of the tables: `rows` and, where densities were scored, the oracle threshold after the tuned one."""
-        if not self.density:
-            return dict(self.rows)
-        best = baselines.best_threshold(dict(self.density))
+        """The rows of the tables: `rows` with what is ranked, and where densities were scored the oracle threshold."""
         rows: dict[str, Scores] = {}
-        for row, scores in self.rows.items():
-            rows[row] = scores
-            if row == baselines.DENSITY:
+        for row in self.rows:
+            rows[row] = self.scores_of(row)
+            if row == baselines.DENSITY and self.density:
+                best = baselines.best_threshold(dict(self.density))
                 rows[f"{baselines.DENSITY_ORACLE} {best:.2f}"] = self.density[best]
         return rows
 
+    def scores_of(self, row: str) -> Scores:
+        """All scores of a row, those included for which all slices are put in order first."""
+        ranked = self.ranked.get(row)
+        return {**self.rows.get(row, {}), **(ranked.scores() if ranked else {})}
+
     def value(self, row: str, name: str) -> float | None:
         """One number of the table; None where nothing was scored."""
-        score = self.rows.get(row, {}).get(name)
+        score = self.scores_of(row).get(name)
         return score.value if score else None
 
     def as_dict(self) -> dict[str, Any]:
@@ -78,6 +89,7 @@ class Report:
             "counts": dict(self.counts),
             "rows": {row: plain(scores) for row, scores in self.rows.items()},
             "groups": {group: plain(scores) for group, scores in self.groups.items()},
+            "ranked": {row: ranked.plain() for row, ranked in self.ranked.items()},
             "density": {str(key): plain(scores) for key, scores in self.density.items()},
             "conventions": list(CONVENTIONS),
         }
@@ -140,9 +152,10 @@ def load_report(path: str | Path) -> Report:
             title=saved["title"],
             rows={row: scores_from(scores) for row, scores in saved["rows"].items()},
             groups={group: scores_from(scores) for group, scores in saved["groups"].items()},
+            ranked={row: ranked_from(ranked) for row, ranked in saved["ranked"].items()},
             density={float(key): scores_from(scores) for key, scores in saved["density"].items()},
             counts=saved["counts"],
             settings=saved["settings"],
         )
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, BadInput) as error:
         raise BadFile(f"{path} is not a report: {error}", fix="the report.json written by evimo evaluate") from error

@@ -1,14 +1,13 @@
 """What one prediction of one slice scores, as ratios of sums that add up over slices, recordings and machines."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evimo.evaluation import metrics
 from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice
 from evimo.evaluation.metrics import Floats, Mask
 from evimo.evaluation.ratios import Score, Scores, added
 from evimo.evaluation.strata import mover_scores
-from evimo.recordings.estimate import Estimate
+from evimo.recordings.prediction import Prediction
 
 AT_REST_M_S = 0.05
 """A camera slower than this is at rest: the direction of its velocity says nothing, and any length of it is noise."""
@@ -138,19 +137,12 @@ def twist_scores(ego: Floats, sample: LabelledSlice, *, metres: float | None) ->
     return scores
 
 
-def velocity_map(estimate: Estimate) -> NDArray[np.float64]:
-    """(H, W, 3) predicted object velocity of each pixel in mean depths/s, camera axes; 0 on the background."""
-    of_id = np.zeros((256, 3))
-    for body in estimate.objects:
-        of_id[body.id] = body.rel_velocity
-    return of_id[estimate.ids]
-
-
 def object_scores(velocity: Floats, sample: LabelledSlice, *, metres: float | None) -> Scores:
     """Velocity errors of the moving objects with at least 30 scored pixels, prediction averaged inside the true mask.
 
     velocity: (H, W, 3), mean depths/s, relative to the static world. An object of which nothing is predicted has
-    velocity zero, which no scale can repair: its error is its true speed. `objects_found` is the share of the others.
+    velocity zero, which no scale can repair: its error is its true speed. `objects_found` is the share of the others,
+    and `object_aee_found` the mean over those alone.
     """
     parts: list[Scores] = []
     for key, body in sample.truth.objects.items():
@@ -160,19 +152,30 @@ def object_scores(velocity: Floats, sample: LabelledSlice, *, metres: float | No
         mean = velocity[inside].mean(axis=0)
         aee = float(metrics.endpoint_error(metrics.scaled_to(mean, body.velocity), body.velocity))
         scores = {"object_aee": Score(aee, 1), "objects_found": Score(float(mean.any()), 1)}
+        if mean.any():
+            scores["object_aee_found"] = Score(aee, 1)
         if metres is not None:
             scores["object_aee_depth"] = Score(float(metrics.endpoint_error(mean * metres, body.velocity)), 1)
         parts.append(scores)
     return added(parts)
 
 
-def estimate_scores(estimate: Estimate, sample: LabelledSlice) -> Scores:
-    """All scores of the model's answer for one slice."""
-    metres = depth_scale(estimate.rel_depth, sample)
-    return (
-        mask_scores(estimate.moving, sample)
-        | depth_scores(estimate.rel_depth, sample)
-        | flow_scores(estimate.flow, sample)
-        | twist_scores(estimate.ego, sample, metres=metres)
-        | object_scores(velocity_map(estimate), sample, metres=metres)
-    )
+def prediction_scores(prediction: Prediction, sample: LabelledSlice) -> Scores:
+    """All scores of what a program says of one slice, of as much as it says.
+
+    Its mask labels the events, too: what it says of events themselves is scored by `event_label_scores`.
+    """
+    rel_depth, ego, velocity = prediction.rel_depth, prediction.ego, prediction.velocity
+    metres = None if rel_depth is None else depth_scale(rel_depth, sample)
+    scores: Scores = {}
+    if prediction.moving is not None:
+        scores |= mask_scores(prediction.moving, sample)
+    if rel_depth is not None:
+        scores |= depth_scores(rel_depth, sample)
+    if prediction.flow is not None:
+        scores |= flow_scores(prediction.flow, sample)
+    if ego is not None:
+        scores |= twist_scores(ego, sample, metres=metres)
+    if velocity is not None:
+        scores |= object_scores(velocity, sample, metres=metres)
+    return scores

@@ -1,6 +1,6 @@
 """A recording and the estimates of its slices in, a report out, in constant memory."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,14 +12,21 @@ from evimo.evaluation.ceilings import residual_motion
 from evimo.evaluation.kinds import familiar_objects
 from evimo.evaluation.labels import LabelledSlice, labelled
 from evimo.evaluation.metrics import Mask
-from evimo.evaluation.report import MODEL, Report
-from evimo.evaluation.scores import at_rest, estimate_scores
+from evimo.evaluation.protocol_scores import Protocols
+from evimo.evaluation.ranked import Ranked
+from evimo.evaluation.ratios import Scores
+from evimo.evaluation.report import LABELS, MODEL, Report
+from evimo.evaluation.scores import at_rest, event_label_scores, prediction_scores
 from evimo.events.slices import SLICE_US, Slice, in_slices
 from evimo.recordings.estimate import Estimate
 from evimo.recordings.flow import true_flow
+from evimo.recordings.prediction import Prediction, prediction_of
 from evimo.recordings.recording import Recording
 
 IdentifiedSlice = tuple[Slice, NDArray[np.uint8] | None]
+NO_PREDICTION = "slices WITHOUT a prediction, not scored"
+RANKED_BASELINES = (baselines.EVERYTHING, baselines.DENSITY)
+"""The trivial masks that are scored under every protocol, too."""
 MATCH_US = 1_000
 """Truth further than this from the slice's centre is not the truth of that slice."""
 
@@ -90,8 +97,8 @@ def labelled_slices(recording: Recording) -> Iterator[LabelledSlice]:
 
 def labelled_estimates(
     recording: Recording, estimates: Iterable[Estimate]
-) -> Iterator[tuple[Estimate, LabelledSlice | None]]:
-    """Each estimate with its slice's events and truth; None where the recording knows no truth at the slice's centre.
+) -> Iterator[tuple[Prediction, LabelledSlice | None]]:
+    """What each estimate says, and its slice with truth; None where no truth is known at the slice's centre.
 
     Raises:
         BadInput: the estimates do not follow the recording's slices.
@@ -103,36 +110,56 @@ def labelled_estimates(
         part, ids = next((each for each in slices if each[0].start_us >= estimate.start_us), (None, None))
         if part is None or part.start_us != estimate.start_us:
             raise BadInput(f"an estimate at {estimate.t_us} µs has no slice", fix="estimates of this very recording")
-        yield estimate, labeller.label(part, estimate.valid, event_ids=ids)
+        yield prediction_of(estimate), labeller.label(part, estimate.valid, event_ids=ids)
 
 
 def score_recording(
     recording: Recording,
-    estimates: Iterable[Estimate],
+    predictions: Iterable[tuple[Prediction | None, LabelledSlice | None]],
     *,
     density_threshold: float = baselines.DENSITY_THRESHOLD,
     groups: Sequence[str] = (),
 ) -> Report:
-    """Score the model and every trivial answer on one recording; the same slices and pixels for all of them.
+    """Score predictions and every trivial answer on one recording; the same slices and pixels for all of them.
 
-    groups: names under which the model's scores are reported once more, such as the kind of scene.
+    Args:
+        recording: that they are of.
+        predictions: of its slices in order, None where there is none, with the truth of each, None where there is none.
+        density_threshold: of the event density that a baseline calls moving.
+        groups: names under which the scores are reported once more, such as the kind of scene.
     """
     report = Report(counts={"recordings": 1})
-    for estimate, sample in labelled_estimates(recording, estimates):
-        report = report + slice_report(estimate, sample, density_threshold=density_threshold)
+    protocols = {row: Protocols() for row in (MODEL, *RANKED_BASELINES)}
+    for prediction, sample in predictions:
+        if sample is None:
+            report = report + Report(counts={"slices without truth": 1})
+        elif prediction is None:
+            report = report + Report(counts={NO_PREDICTION: 1})
+        else:
+            report = report + slice_report(prediction, sample, protocols, density_threshold=density_threshold)
     return replace(report, groups=dict.fromkeys(groups, report.rows.get(MODEL, {})))
 
 
-def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_threshold: float) -> Report:
-    """The report of one slice; one without truth, or without an event to answer from, is only counted."""
-    if sample is None:
-        return Report(counts={"slices without truth": 1})
-    if not estimate.has_events:
+def slice_report(
+    prediction: Prediction, sample: LabelledSlice, protocols: Mapping[str, Protocols], *, density_threshold: float
+) -> Report:
+    """The report of one slice; `protocols` have followed each row through the slices before.
+
+    A slice without an event to answer from is only counted.
+    """
+    if not prediction.has_events:
         return Report(counts={"slices without events": 1})
     density = baselines.density_scores(sample, (*baselines.THRESHOLDS, density_threshold))
-    rows = {MODEL: estimate_scores(estimate, sample), **baselines.trivial_scores(sample)}
+    rows = {MODEL: prediction_scores(prediction, sample), **baselines.trivial_scores(sample)}
     rows[baselines.DENSITY] = density[density_threshold]
+    ranked: dict[str, Ranked] = {}
+    masks = baselines.masks(sample, density_threshold)
+    for row, of_row in protocols.items():
+        scores, ranked[row] = of_row.of_maps(prediction if row == MODEL else masks[row], sample)
+        rows[row] = rows[row] | scores
     rows = {row: rows[row] for row in (MODEL, *baselines.ROWS)} | ceilings.ceiling_scores(sample)
+    if prediction.event_objects is not None:
+        rows = rows_with_labels(rows, prediction.event_objects, sample)
     counts = {
         "slices": 1,
         "slices without movers": int(not sample.moving.any()),
@@ -142,4 +169,17 @@ def slice_report(estimate: Estimate, sample: LabelledSlice | None, *, density_th
         "pixels scored": int(np.count_nonzero(sample.scored)),
         "pixels of the sensor": sample.scored.size,
     }
-    return Report(counts=counts, rows=rows, density={key: density[key] for key in baselines.THRESHOLDS})
+    return Report(
+        counts=counts,
+        rows=rows,
+        ranked={row: each for row, each in ranked.items() if rows[row]},
+        density={key: density[key] for key in baselines.THRESHOLDS},
+    )
+
+
+def rows_with_labels(rows: dict[str, Scores], objects: NDArray[np.int64], sample: LabelledSlice) -> dict[str, Scores]:
+    """The rows with the scores of labels of events: a row of their own beside a mask, else the first one."""
+    scores = event_label_scores(objects[sample.kept] > 0, sample) | Protocols().of_events(objects, sample)
+    if "iou_pooled" not in rows[MODEL]:
+        return {**rows, MODEL: rows[MODEL] | scores}
+    return {MODEL: rows[MODEL], LABELS: scores, **{row: each for row, each in rows.items() if row != MODEL}}

@@ -7,7 +7,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from evimo.evaluation.columns import BY_NAME, COLUMNS, CONVENTIONS, OVERVIEW, SECTIONS, Column
+from evimo.evaluation.column import Column
+from evimo.evaluation.columns import BY_NAME, COLUMNS, CONVENTIONS, OVERVIEW, PROTOCOLS_SECTION, SECTIONS
+from evimo.evaluation.protocol_tables import protocol_heads, protocol_lines, spread
 from evimo.evaluation.ratios import Score
 from evimo.evaluation.report import MODEL, Report
 
@@ -48,7 +50,7 @@ def cells(report: Report, section: str) -> list[list[str]]:
         for row, scores in rows.items()
         if any(column.name in scores for column in columns)
     ]
-    model = report.rows.get(MODEL, {})
+    model = report.scores_of(MODEL)
     samples = [str(model[column.name].samples) if column.name in model else "0" for column in columns]
     return [*lines, ["samples kept (slices or objects)", *samples]]
 
@@ -57,6 +59,7 @@ def notes(report: Report) -> Iterator[str]:
     """What was counted and left out, and whether the model beats zero motion."""
     yield ", ".join(f"{count:,} {what}" for what, count in report.counts.items())
     yield ", ".join(f"{what}: {value}" for what, value in report.settings.items())
+    yield spread(report) or ""
     for name, what in (
         ("flow_ratio", "zero flow"),
         ("flow_movers_ratio", "zero flow on movers"),
@@ -73,6 +76,10 @@ def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> R
     parts: list[RenderableType] = []
     for section in shown(report, sections):
         table = Table(title=f"{report.title}: {section}", title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
+        parts.append(table)
+        if section == PROTOCOLS_SECTION:
+            _fill_with_protocols(table, report)
+            continue
         table.add_column("", no_wrap=True)
         for name in SECTIONS[section]:
             table.add_column(Text(header(BY_NAME[name], between="\n")), justify="right")
@@ -81,14 +88,27 @@ def as_rich(report: Report, *, sections: tuple[str, ...] = tuple(SECTIONS)) -> R
             table.add_row(*line, style="bold" if line[0] == MODEL else None)
         table.add_section()
         table.add_row(*samples, style="dim")
-        parts.append(table)
     return Group(*parts, *(Text(note) for note in notes(report) if note))
+
+
+def _fill_with_protocols(table: Table, report: Report) -> None:
+    heads, lines = protocol_heads(report), protocol_lines(report)
+    for head in heads:
+        justify = "right" if head in (*report.rows, "kept") else "left"
+        table.add_column(Text(head.replace(", ", ",\n")), justify=justify, no_wrap=head == heads[0])
+    for line in lines:
+        table.add_row(*line)
 
 
 def as_markdown(report: Report) -> str:
     """The whole report as a page: tables, notes, what each column means, conventions."""
     lines = [f"# {report.title}", "", *(f"- {note}" for note in notes(report) if note)]
     for section in shown(report, tuple(SECTIONS)):
+        if section == PROTOCOLS_SECTION:
+            heads = protocol_heads(report)
+            lines += ["", f"## {section}", "", table_line(heads), table_line(["---"] * len(heads))]
+            lines += [table_line(line) for line in protocol_lines(report)]
+            continue
         names = SECTIONS[section]
         heads = ["", *(header(BY_NAME[name]) for name in names)]
         lines += ["", f"## {section}", "", table_line(heads), table_line(["---", *["---:"] * len(names)])]

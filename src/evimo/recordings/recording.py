@@ -42,6 +42,10 @@ class Recording:
         """The events: packets in constant memory."""
         return self._parts.events()
 
+    def event_count(self) -> int:
+        """How many events are stored, those that reading leaves out included."""
+        return self._parts.event_count()
+
     @cached_property
     def event_ids(self) -> NDArray[np.uint8] | None:
         """What each event's pixel saw at the event's own time, (N,), in the file's order; 0 is static.
@@ -52,7 +56,7 @@ class Recording:
             BadFile: they are damaged, or not as many as the events.
         """
         ids = self._parts.event_ids()
-        if ids is not None and (ids.dtype != np.uint8 or ids.shape != (self._parts.event_count(),)):
+        if ids is not None and (ids.dtype != np.uint8 or ids.shape != (self.event_count(),)):
             raise BadFile(f"ids of events of {self.path} are {ids.dtype} {ids.shape}, not one for each", fix=DAMAGED)
         return ids
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
+from evimo.formats.array_rows import Rows
 from evimo.formats.event_file import EventFile
 from evimo.formats.evimo2 import mapped, open_evimo2
 from evimo.formats.evimo_npz import open_evimo_npz
-from evimo.formats.npz_members import Archive, ArrayHeader, Stream, skip
+from evimo.formats.npz_members import Archive
 from evimo.recordings.facts import DAMAGED
 from evimo.recordings.imu import IMU_ARRAYS
 
@@ -98,7 +99,7 @@ class ArchiveParts:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.archive = Archive(path)
-        self._maps: dict[str, _MapsInARow] = {}
+        self._maps: dict[str, Rows] = {}
 
     def events(self) -> EventFile:
         """The events, streamed."""
@@ -124,39 +125,12 @@ class ArchiveParts:
     def map(self, name: str, k: int) -> NDArray[Any]:
         """One row of the array."""
         if name not in self._maps:
-            self._maps[name] = _MapsInARow(self.archive, ARCHIVED[name])
-        return self._maps[name].at(k)
+            self._maps[name] = Rows(self.archive, ARCHIVED[name], dimensions=3, kinds="iuf", fix=DAMAGED)
+        return self._maps[name].read(k, k + 1)[0]
 
     def _named(self, prefix: str, names: tuple[str, ...]) -> Arrays:
         arrays = arrays_of(self.path, tuple(prefix + name for name in names))
         return {name: arrays[prefix + name] for name in names}
-
-
-class _MapsInARow:
-    """The maps (F, H, W) of one member, one at a time: forward from the last one, or from the start again."""
-
-    def __init__(self, archive: Archive, name: str) -> None:
-        if name not in archive.names:
-            raise BadFile(f"{archive.path} lacks `{name}`", fix=DAMAGED)
-        self.archive, self.name = archive, name
-        self.header: ArrayHeader = archive.header(name)
-        if len(self.header.shape) != 3 or self.header.fortran_order or self.header.dtype.kind not in "iuf":
-            raise BadFile(f"`{name}` of {archive.path} is {self.header.shape} {self.header.dtype}", fix=DAMAGED)
-        self._stream: Stream | None = None
-        self._next = 0
-
-    def at(self, k: int) -> NDArray[Any]:
-        """Map k, (H, W)."""
-        size = int(np.prod(self.header.shape[1:])) * self.header.dtype.itemsize
-        if self._stream is None or k < self._next:
-            self._stream, self._next = self.archive.stream(self.name), 0
-            skip(self._stream, self.header.offset)
-        skip(self._stream, size * (k - self._next))
-        self._next = k + 1
-        raw = self._stream.read(size)
-        if len(raw) < size:
-            raise BadFile(f"`{self.name}` of {self.archive.path} is cut short", fix=DAMAGED)
-        return np.frombuffer(raw, self.header.dtype).reshape(self.header.shape[1:])
 
 
 def arrays_of(path: Path, names: tuple[str, ...]) -> Arrays:

@@ -10,16 +10,18 @@ from typing import Literal
 from evimo.errors import BadFile, BadInput
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.kinds import groups_of
+from evimo.evaluation.labels import LabelledSlice
 from evimo.evaluation.report import Report, load_report
-from evimo.evaluation.scoring import score_recording
-from evimo.recordings.estimate import Estimate
+from evimo.evaluation.scoring import labelled_estimates, score_recording
 from evimo.recordings.facts import own_version
 from evimo.recordings.finding import recordings_in
+from evimo.recordings.prediction import Prediction
 from evimo.recordings.recording import Recording, open_recording
 from evimo.streaming.models import model_of
 from evimo.streaming.pipeline import run
 
 Tick = Callable[[], None]
+Scored = tuple[Prediction | None, LabelledSlice | None]
 
 
 def unseen(total: int) -> AbstractContextManager[Tick]:
@@ -72,7 +74,7 @@ def evaluate(
                 estimates = run(recording.events, model=model, camera=recording.camera, imu=imu)
                 scored = score_recording(
                     recording,
-                    _ticked(estimates, tick),
+                    _ticked(labelled_estimates(recording, estimates), tick),
                     density_threshold=density_threshold,
                     groups=groups_of(recording.meta),
                 )
@@ -89,10 +91,10 @@ def _kept_at(out: Path, recording: Recording) -> Path:
     return out / "recordings" / f"{recording.path.name}-{mark}.json"
 
 
-def _ticked(estimates: Iterable[Estimate], tick: Tick) -> Iterator[Estimate]:
-    """The same estimates; `tick` is called after each was used."""
-    for estimate in estimates:
-        yield estimate
+def _ticked(slices: Iterable[Scored], tick: Tick) -> Iterator[Scored]:
+    """The same slices; `tick` is called after each was used."""
+    for each in slices:
+        yield each
         tick()
 
 
