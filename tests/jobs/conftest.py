@@ -24,9 +24,10 @@ def importable() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Cluster:
-    """A scheduler, as its scheduler file, and its workers."""
+    """A scheduler, as its scheduler file and its process, and its workers."""
 
     scheduler: str
+    leader: subprocess.Popen[bytes]
     workers: list[subprocess.Popen[bytes]]
 
 
@@ -47,7 +48,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory, importable: None) -> Itera
         while not file.exists() and processes[0].poll() is None:
             time.sleep(0.05)
         processes += [started("worker", "--nthreads", "1", "--no-nanny") for _ in range(2)]
-        yield Cluster(str(file), processes[1:])
+        yield Cluster(str(file), *processes[:1], processes[1:])
     finally:
         for process in reversed(processes):
             process.kill()

@@ -17,7 +17,11 @@ from evimo.jobs import cluster as on_cluster
 from evimo.jobs.crew import Crew
 from evimo.jobs.finishing import finished
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="kills")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="kills"),
+    pytest.mark.filterwarnings("ignore:.*has no workers yet"),  # they start with the first test
+]
 
 
 def within_s(seconds: float, reached) -> bool:
@@ -97,7 +101,7 @@ def test_the_cluster_drops_the_work_of_a_command_that_ends(how, cluster, tmp_pat
 
 
 def test_a_worker_that_is_killed_costs_nothing(cluster, tmp_path):
-    """The last test of the file: one worker is left after it."""
+    """One worker is left for the next test, the last one."""
     asked = ["simulate", "--minutes", "0.005", "--seconds", "0.05", "--size", "44x33", "--out"]
     assert main([*asked, str(tmp_path / "alone")]) == 0
     together, (victim, other) = tmp_path / "together", cluster.workers
@@ -115,6 +119,22 @@ def test_a_worker_that_is_killed_costs_nothing(cluster, tmp_path):
     assert victim.wait(5) == -9 and other.poll() is None
     assert contents(together) == contents(tmp_path / "alone")
     assert len(list(together.iterdir())) == 6
+
+
+def test_a_scheduler_that_goes_is_one_clear_error(cluster, tmp_path):
+    import made_up_work
+
+    def kill() -> None:
+        if within_s(20, lambda: any(tmp_path.glob("pid*"))):
+            cluster.leader.kill()
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    work, crew = partial(made_up_work.endless, tmp_path), Crew(dask=cluster.scheduler)
+    with pytest.raises(EvimoError, match=r"^the Dask scheduler has gone\n  try: the same command again"):
+        list(finished(work, range(3), crew=crew, shared=tmp_path, name=str))
+    thread.join()
+    assert within_s(20, lambda: {path.name for path in tmp_path.iterdir()} <= {"pid0", "pid1", "pid2"})
 
 
 def _children(tasks: str) -> bool:

@@ -46,7 +46,7 @@ def connected(scheduler: str, shared: Path) -> Generator[Callable[[bytes], "_Pen
         NotFound, BadInput: there is no scheduler. BadInput: the folder cannot be written.
     """
     client = _client(scheduler)
-    keys, futures = f"evimo-{uuid4().hex}", list["Future"]()
+    keys, futures = f"evimo-{uuid4().hex}", list["Future[Any]"]()
     try:
         with held_folder(shared.absolute()) as held:
             release = _release()
@@ -68,15 +68,23 @@ def connected(scheduler: str, shared: Path) -> Generator[Callable[[bytes], "_Pen
 class _Pending:
     """An outcome that the cluster owes, whatever happens to it."""
 
-    def __init__(self, future: "Future") -> None:
+    def __init__(self, future: "Future[Any]") -> None:
         self._future = future
 
     def add_done_callback(self, fn: Callable[["_Pending"], Any], /) -> None:
         """Have it handed over when it has come."""
-        self._future.add_done_callback(lambda _: fn(self))
+
+        def hand_over(_: Any) -> None:
+            fn(self)
+
+        self._future.add_done_callback(hand_over)
 
     def result(self) -> Outcome:
-        """The outcome; what Dask says instead of one is an error in it."""
+        """The outcome; an error in it where several workers died of the job.
+
+        Raises:
+            EvimoError: the cluster is not there any more, or does not know what to do.
+        """
         from distributed import KilledWorker
 
         try:
@@ -84,19 +92,19 @@ class _Pending:
         except KilledWorker as error:
             problem = f"{error.allowed_failures + 1} workers of the Dask cluster died while they worked on it"
             return Outcome(error=EvimoError(problem, fix="the same command again, with more memory for each worker"))
-        except CancelledError:
+        except (CancelledError, OSError) as error:
             fix = "the same command again, which goes on from what is finished"
-            return Outcome(error=EvimoError("the Dask scheduler has gone", fix=fix))
+            raise EvimoError("the Dask scheduler has gone", fix=fix) from error
         except Exception as error:
-            problem = " ".join(f"the Dask cluster cannot do it: {error}".split())
-            return Outcome(error=EvimoError(problem, fix=SAME_EVIMO))
+            raise EvimoError(" ".join(f"the Dask cluster cannot work: {error}".split()), fix=SAME_EVIMO) from error
 
 
 def _client(scheduler: str) -> "Client":
     from distributed import Client
 
-    for name in ("distributed", "tornado"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what is to be said of it, we say
+    for name in [*logging.root.manager.loggerDict]:
+        if name.startswith(("distributed", "tornado")):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what is to be said of it, we say
     address = _address(scheduler)
     try:
         with warnings.catch_warnings():
@@ -122,7 +130,7 @@ def _address(scheduler: str) -> str:
     return address
 
 
-def _leave(client: "Client", futures: list["Future"]) -> None:
+def _leave(client: "Client", futures: list["Future[Any]"]) -> None:
     """Take back what has not begun; what has, ends when the held folder goes."""
     if client.status == "running":
         with suppress(Exception):
