@@ -58,6 +58,7 @@ NO_RECORDING = {
     b"\x1f\x8b": ("compressed with gzip", "gunzip it first"),
     b"BZh": ("compressed with bzip2", "bunzip2 it first"),
     b"\x28\xb5\x2f\xfd": ("compressed with zstd", "unzstd it first"),
+    b"\xfd7zXZ": ("compressed with xz", "unxz it first"),
     b"7z\xbc\xaf": ("a 7-Zip archive", "unpack it first"),
     b"\x89PNG": ("a picture", "give an event recording"),
     b"\xff\xd8\xff": ("a picture", "give an event recording"),

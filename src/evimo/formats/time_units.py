@@ -34,6 +34,7 @@ USUAL_REPEAT_S, REPEAT_SPREAD = 0.015, 0.7  # the second in powers of ten
 REPEATS, REPEAT_EVENTS = 100, 20_000
 ENOUGH = 50  # events that say something of a rate
 CONVENTION = 1.5  # what the usual unit is worth, in squared powers of ten of the rate
+FAR_LONGER = 1000  # times as long as usual
 DOUBT = 1.0  # as much as this between two units leaves both possible
 
 
@@ -64,15 +65,21 @@ class Times:
 
     @property
     def rate(self) -> float:
-        """Events per unit of time inside the pieces, the ends of each left out: outliers sort themselves there."""
-        events, spans = 0.0, 0.0
+        """Events per unit of time inside the pieces, the ends of each left out: outliers sort themselves there.
+
+        A piece far longer than the others is left out: the clock starts again or wraps in it.
+        """
+        events, spans = list[int](), list[float]()
         for piece in self.pieces:
             ordered = np.sort(piece[np.isfinite(piece)])
             low, high = len(ordered) // 10, (len(ordered) - 1) * 9 // 10
             if high > low:
-                events += high - low
-                spans += float(ordered[high] - ordered[low])
-        return events / spans if spans > 0 else math.inf
+                events.append(high - low)
+                spans.append(float(ordered[high] - ordered[low]))
+        usual = float(np.median(spans)) if spans else 0.0
+        kept = [(count, span) for count, span in zip(events, spans, strict=True) if span <= FAR_LONGER * usual]
+        whole = sum(span for _, span in kept)
+        return sum(count for count, _ in kept) / whole if whole > 0 else math.inf
 
 
 def step_of(times: NDArray[Any]) -> int | None:
