@@ -80,7 +80,7 @@ def test_times_in_two_columns_are_refused_rather_than_read_by_halves(tmp_path, e
 
 @pytest.mark.parametrize("form", ["{t:#x} {x} {y} {p}", "10:33:{s:09.6f} {x} {y} {p}"])
 def test_times_that_are_no_numbers_are_named(tmp_path, events, form, recwarn):
-    with pytest.raises(BadFile, match="its times, such as .* are no numbers"):
+    with pytest.raises(BadFile, match=r"its times, such as .* are no numbers"):
         open_events(saved(tmp_path / "a.txt", events, form), sensor=SIZE)
     assert not recwarn.list
 

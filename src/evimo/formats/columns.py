@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,28 @@ def found_columns(path: Path, sample: NDArray[np.float64]) -> str:
         for _, letters in ranked[:2]:
             refuse_split_times(path, sample, letters)
         raise BadFile(f"{path.name}: its columns may be {order} or {ranked[1][1]}, nothing tells", fix=FIX)
+    refuse_split_times(path, sample, order)
     return order
+
+
+def signs(polarities: NDArray[Any]) -> NDArray[np.int8]:
+    """Return polarities as +1 and -1: what is above 0 is brighter."""
+    return np.where(polarities > 0, np.int8(1), np.int8(-1))
+
+
+def check_polarities(path: Path, sample: NDArray[Any]) -> None:
+    """Refuse polarities that are counted otherwise, such as 1 and 2: all would be brighter.
+
+    Raises:
+        BadFile: there are several, and none is 0 or less.
+    """
+    values = np.unique(sample[sample == sample])
+    if len(values) > 1 and values[0] > 0:
+        shown = " and ".join(f"{value:g}" for value in values[:2].tolist())
+        raise BadFile(
+            f"{path.name}: its polarities are {shown}, and nothing tells which is brighter",
+            fix="write 1 for brighter, and 0 or -1 for darker",
+        )
 
 
 def _ranked(sample: NDArray[np.float64], columns: Sequence[int]) -> list[tuple[tuple[bool, ...], str]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.clock_rules import NO_TIME
+from evimo.formats.columns import check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive
 from evimo.formats.npz_rows import NpzRows
@@ -70,7 +71,8 @@ def _unit(path: Path, rows: NpzRows, sensor: tuple[int, int] | None, said: TimeU
     _, first = next(rows.blocks(), (0, None))
     if first is None:
         raise no_events_in(path)
-    t, x, y, _ = first
+    t, x, y, p = first
+    check_polarities(path, p)
     height, width = sensor or fitting_sensor((int(whole_pixels(y).max()) + 1, int(whole_pixels(x).max()) + 1))
     pieces = [np.asarray(t[at : at + PIECE_ROWS], np.float64) for at in range(0, len(t), PIECE_ROWS)]
     times = Times(pieces, step_of(t), height * width, repeat_of(x, y, t))
@@ -92,7 +94,7 @@ def _as_events(columns: list[NDArray[Any]], unit: TimeUnit) -> Events:
     t_us = as_us(t, unit)
     if p.dtype.kind == "f":
         t_us[np.isnan(p)] = NO_TIME
-    return Events(whole_pixels(x), whole_pixels(y), t_us, np.where(p > 0, 1, -1).astype(np.int8))
+    return Events(whole_pixels(x), whole_pixels(y), t_us, signs(p))
 
 
 def _map_size(archive: Archive) -> tuple[int, int] | None:
