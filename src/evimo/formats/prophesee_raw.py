@@ -15,6 +15,7 @@ from evimo.formats.event_file import EventFile
 from evimo.formats.evt2_kernel import decode_evt2, decode_evt21, evt2_state
 from evimo.formats.evt3_kernel import decode_evt3, evt3_state
 from evimo.formats.prophesee_header import Encoding, encoding, head_is_second, header, sample
+from evimo.formats.prophesee_sense import evt2_sense, evt3_sense, evt21_sense
 from evimo.formats.sensors import assumed_sensor
 from evimo.formats.survey import surveyed
 from evimo.formats.word_file import WordFile
@@ -54,8 +55,10 @@ def open_prophesee_raw(path: Path, sensor: tuple[int, int] | None = None) -> Eve
 def _words(path: Path, offset: int, name: Encoding) -> tuple[WordFile, NDArray[np.int64]]:
     """The words of a file, and the state before the first."""
     if name == "EVT3":
-        return WordFile(path, offset, np.dtype("<u2"), decode_evt3), evt3_state(0)
+        return WordFile(path, offset, np.dtype("<u2"), decode_evt3, evt3_sense), evt3_state(0)
     if name == "EVT2":
-        return WordFile(path, offset, np.dtype("<u4"), decode_evt2), evt2_state()
-    decode: Any = partial(decode_evt21, head=int(head_is_second(sample(path, offset))))
-    return WordFile(path, offset, np.dtype(("<u4", (2,))), decode), evt2_state()
+        return WordFile(path, offset, np.dtype("<u4"), decode_evt2, evt2_sense), evt2_state()
+    head = int(head_is_second(sample(path, offset)))
+    decode: Any = partial(decode_evt21, head=head)
+    sense = partial(evt21_sense, head=head)
+    return WordFile(path, offset, np.dtype(("<u4", (2,))), decode, sense), evt2_state()

@@ -116,7 +116,8 @@ def _letters(path: Path, start: bytes) -> bytes:
             table[letter] = ord(" ")
     if _has_decimal_commas(path, [line.translate(bytes(table)).strip() for line in rows]):
         table[ord(",")] = ord(".")
-    return b"" if table == bytes(range(256)) else bytes(table)
+    letters = bytes(table)
+    return b"" if letters == bytes(range(256)) else letters
 
 
 def _has_decimal_commas(path: Path, rows: list[bytes]) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.formats.damage import MarredEvents
+from evimo.formats.realigning import Sense, found_loss
 
 BLOCK_BYTES = 1 << 19  # of the fastest
 LONGEST_BYTES = 1 << 26  # no more is held back for what follows
@@ -21,12 +22,16 @@ Decode = Callable[[NDArray[Any], NDArray[np.int64], bool], tuple[Any, Any, Any, 
 
 @dataclass(frozen=True, slots=True)
 class WordFile:
-    """A file, where its body begins, the type of its items, and what decodes them."""
+    """A file, where its body begins, the type of its items, and what decodes them.
+
+    sense: which items can be such; with it, items that a loss of bytes has shifted are found again.
+    """
 
     path: Path
     offset: int
     item: np.dtype[Any]
     decode: Decode
+    sense: Sense | None = None
 
     def blocks(self, place: Place) -> Iterator[tuple[Place, MarredEvents]]:
         """The events of each block from a place on, and where the block begins."""
@@ -36,14 +41,19 @@ class WordFile:
             file.seek(offset)
             while True:
                 more = file.readinto(memoryview(buffer)[held:])
-                count = (held + more) // size
+                filled, cut = held + more, 0
+                if self.sense and (loss := found_loss(memoryview(buffer)[:filled], self.item, self.sense)):
+                    cut = loss.last - loss.first
+                    buffer[loss.first : filled - cut] = buffer[loss.last : filled]
+                    filled -= cut
+                count = filled // size
                 items = np.frombuffer(buffer, self.item, count)
                 before, last = state.copy(), not more or count * size >= LONGEST_BYTES
                 *columns, used, lost = self.decode(items, state, last)
-                yield (offset, before), MarredEvents(*columns, lost=lost)
+                yield (offset, before), MarredEvents(*columns, lost=lost + -(-cut // size))
                 if not more:
                     return
-                offset, held = offset + used * size, held + more - used * size
+                offset, held = offset + cut + used * size, filled - used * size
                 left = bytes(memoryview(buffer)[used * size : used * size + held])
                 if 2 * held > len(buffer):
                     buffer = bytearray(2 * len(buffer))
