@@ -1,11 +1,12 @@
 """Damaged files for every reader of recordings, every parser of calibrations and every reader of predictions.
 
-    python bench/fuzz.py [--files 100000] [--seed 0] [--processes 2] [--shared ../shared/data] [--of WORD] [--only INDEX --keep DIR]
+    python bench/fuzz.py [--files 100000] [--seed 0] [--processes 2] [--shared ../shared/data] [--of WORD]
+                         [--only INDEX --keep DIR]
 
 File number i of a seed is always the same: a small recording, calibration or prediction, generated or of the folder
-`--shared`, whose bytes are changed in one to eight places. It is found to be wrong where reading it ends in anything but
-events, a camera, scores or an `EvimoError`, takes over 10 s, takes over 200 MB and twice the file of memory, or runs
-what the file says. `--of WORD` takes only those whose names hold that word, such as predictions.
+`--shared`, whose bytes are changed in one to eight places. It is found to be wrong where reading it ends in anything
+but events, a camera, scores or an `EvimoError`, takes over 10 s, takes over 200 MB and twice the file of memory, or
+runs what the file says. `--of WORD` takes only those whose names hold that word, such as predictions.
 """
 
 import argparse
