@@ -1,5 +1,6 @@
 """Files whose body is decoded from the front in blocks, with a state that goes from one block to the next."""
 
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.errors import EvimoWarning
+from evimo.events.events import Events
 from evimo.formats.damage import MarredEvents
+from evimo.formats.event_file import EventFile
 from evimo.formats.realigning import Sense, found_loss
+from evimo.formats.sensors import assumed_sensor
+from evimo.formats.survey import surveyed
 
 BLOCK_BYTES = 1 << 19  # of the fastest
 LONGEST_BYTES = 1 << 26  # no more is held back for what follows
@@ -62,3 +68,37 @@ class WordFile:
     def left_over(self) -> int:
         """Bytes at the end that are no whole item."""
         return (self.path.stat().st_size - self.offset) % self.item.itemsize
+
+
+def open_words(
+    words: WordFile, state: NDArray[np.int64], *, title: str, size: tuple[int, int] | None, holds: str
+) -> EventFile:
+    """Open a file of words from its first one on; a part of one at its end is left out with a warning.
+
+    Args:
+        words: where they are, and what decodes them.
+        state: the decoder's, before the first.
+        title: of the format.
+        size: of the sensor, where it is known.
+        holds: what an item is called.
+
+    Raises:
+        BadFile: it holds no events, or their order is lost.
+    """
+    path = words.path
+    survey = surveyed(path, words.blocks((words.offset, state)))
+    if left := words.left_over():
+        text = f"{path.name} ends inside {holds}: its last {left} bytes are left out; was it cut short?"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
+
+    def read(start_us: int) -> Iterator[Events]:
+        return (events for _, events in words.blocks(survey.place(start_us)))
+
+    return EventFile(
+        path=path,
+        format=title,
+        sensor=size or assumed_sensor(path, survey.extent),
+        start_us=survey.start_us,
+        stop_us=survey.stop_us,
+        read=read,
+    )
