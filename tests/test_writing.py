@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -197,3 +198,22 @@ def test_hidden_means_within_the_folder_that_is_searched(tmp_path):
     found = shown((path for path in folder.rglob("*")), below=folder)
     assert sorted(path.name for path in found) == ["a", "d"]
     assert MARKER.startswith(".")
+
+
+@pytest.mark.parametrize("at", ["mkdir", "_locked", "remove_leftovers"])
+def test_a_signal_while_folders_are_made_leaves_none(tmp_path, monkeypatch, at):
+    """It may come after any line, here right after the one that made something."""
+    import evimo.writing as writing
+
+    home, name = (Path, at) if at == "mkdir" else (writing, at)
+    usual = getattr(home, name)
+
+    def interrupted(*of, **how):
+        usual(*of, **how)
+        if at != "mkdir" or of[0].name.startswith(MARKER):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(home, name, interrupted)
+    with pytest.raises(KeyboardInterrupt), OutputFolder(tmp_path / "new" / "out"):
+        pass
+    assert list(tmp_path.iterdir()) == []

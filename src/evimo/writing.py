@@ -7,9 +7,9 @@ of these folders belong to nobody any more, and removes them.
 
 import errno
 import os
+import secrets
 import shutil
 import sys
-import tempfile
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -41,6 +41,7 @@ class OutputFolder:
         """
         self.folder, self._fix, self._names = Path(folder), fix, names or Path(folder)
         self._made: list[Path] = []
+        self._hidden = self.folder / MARKER  # until it has a name of its own
 
     def __enter__(self) -> Self:
         """Make the folders.
@@ -53,11 +54,27 @@ class OutputFolder:
             with explained(self._names, fix=self._fix):
                 self.folder.mkdir(parents=True, exist_ok=True)
                 remove_leftovers(self.folder)
-                self._hidden, self._lock = _locked_folder(self.folder)
-        except BadInput:
+                self._lock = self._begun()
+        except BaseException:  # a signal may come at any of these lines
+            shutil.rmtree(self._hidden, ignore_errors=True)
             self._remove_made()
             raise
         return self
+
+    def _begun(self) -> BinaryIO:
+        """Make the hidden folder, and return its lock; another one where somebody takes it for a leftover before.
+
+        Its name is known before it is made, so that it can be removed whatever happens.
+
+        Raises:
+            OSError: it cannot be made.
+        """
+        while True:
+            self._hidden = self.folder / f"{MARKER}{secrets.token_hex(6)}"
+            self._hidden.mkdir(mode=0o700)
+            with suppress(FileNotFoundError):
+                if (lock := _locked(self._hidden, unsure=True)) is not None:
+                    return lock
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -214,25 +231,6 @@ def _is_about(error: OSError, path: Path) -> bool:
 
 def _unwritable(path: Path, error: OSError, fix: str) -> BadInput:
     return BadInput(f"cannot write {path}: {error.strerror or error}", fix=fix)
-
-
-def _locked_folder(parent: Path) -> tuple[Path, BinaryIO]:
-    """A new hidden folder and its lock; another one where somebody takes the first for a leftover before it is locked.
-
-    Raises:
-        OSError: it cannot be made.
-    """
-    while True:
-        folder = Path(tempfile.mkdtemp(prefix=MARKER, dir=parent))
-        try:
-            lock = _locked(folder, unsure=True)
-        except FileNotFoundError:
-            continue
-        except OSError:
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
-        if lock is not None:
-            return folder, lock
 
 
 def _locked(folder: Path, *, unsure: bool) -> BinaryIO | None:
