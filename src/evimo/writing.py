@@ -51,13 +51,14 @@ class OutputFolder:
         """
         self._made = [path for path in (self.folder, *self.folder.parents) if not path.exists()]
         try:
-            with explained(self._names, fix=self._fix):
-                self.folder.mkdir(parents=True, exist_ok=True)
-                remove_leftovers(self.folder)
-                self._lock = self._begun()
-        except BaseException:  # a signal may come at any of these lines
+            self.folder.mkdir(parents=True, exist_ok=True)
+            remove_leftovers(self.folder)
+            self._lock = self._begun()
+        except BaseException as error:  # a signal may come at any of these lines
             shutil.rmtree(self._hidden, ignore_errors=True)
             self._remove_made()
+            if isinstance(error, OSError) and _is_about(error, self.folder):
+                raise _unwritable(self._names, error, self._fix) from error
             raise
         return self
 

@@ -1,5 +1,8 @@
 """Text as programs and spreadsheets write it: other separators, units in headings, times in two columns, wraps."""
 
+import tarfile
+import zipfile
+
 import numpy as np
 import pytest
 
@@ -127,3 +130,16 @@ def test_one_wrong_time_at_the_end_costs_one_event(tmp_path, count):
     recording = open_events(tmp_path / "a.txt", sensor=SIZE, time_unit="us")
     assert sum(map(len, recording)) == count and recording.stop_us == (count - 1) * 3000 + 1
     assert recording.faults.outlying == 1
+
+
+def test_archives_of_several_files_are_called_that(tmp_path, events):
+    saved(tmp_path / "events.txt", events, "{t} {x} {y} {p}")
+    for suffix, how in (("tar", "w"), ("tar.gz", "w:gz")):
+        with tarfile.open(tmp_path / f"a.{suffix}", how) as archive:
+            archive.add(tmp_path / "events.txt", "events.txt")
+        with pytest.raises(BadFile, match=rf"is a tar archive .*\n.*tar xf a\.{suffix}"):
+            open_events(tmp_path / f"a.{suffix}")
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.write(tmp_path / "events.txt", "events.txt")
+    with pytest.raises(BadFile, match=r"\(events.txt\)\n.*unpack it"):
+        open_events(tmp_path / "a.zip")

@@ -84,6 +84,7 @@ POINTERS = {
         "give an event recording; a calibration goes to --calibration",
     ),
 }
+TAR_AT, TAR = 257, b"ustar"
 PICKLE = re.compile(rb"\x80[\x02-\x05]|\(dp\d|c\w+\n\w+\n")
 READABLE = (
     "EV-IMO npz, EVIMO2 folder, HDF5, text or CSV (t x y p), AEDAT 2, 3 and 4, Event Stream (.es), ROS 1 and 2 bags, "
@@ -116,6 +117,8 @@ def recognised(path: Path) -> Kind:
     for magic, (what, fix) in NO_RECORDING.items():
         if start.startswith(magic):
             raise BadFile(f"{path.name} is {what}", fix=fix)
+    if start[TAR_AT : TAR_AT + len(TAR)] == TAR:
+        raise BadFile(f"{path.name} is a tar archive", fix=f"unpack it first: tar xf {path.name}")
     if PICKLE.match(start):
         raise BadFile(
             f"{path.name} is a Python pickle, which may run code: it was not opened", fix=f"give one of: {READABLE}"
@@ -132,6 +135,8 @@ def _packed(path: Path, start: bytes) -> Kind:
     inside = unpacked_start(path)
     if inside and not _binary(inside):
         return _text_or_prophesee(path, inside)
+    if inside[TAR_AT : TAR_AT + len(TAR)] == TAR:
+        raise BadFile(f"{path.name} is a compressed tar archive", fix=f"unpack it first: tar xf {path.name}")
     what, fix = next(words for magic, words in NO_RECORDING.items() if start.startswith(magic))
     raise BadFile(f"{path.name} is {what}, and no text", fix=fix)
 
