@@ -81,10 +81,9 @@ def made_inputs(folder: Path, *, model: str = "tiny") -> Inputs:
         shutil.copytree(one, folder / "simulated" / f"{one.name}_{k}")
     film = open_recording(one)
     np.savez(folder / "masks.npz", ids=np.stack([film.truth(k).ids for k in range(len(film))]), times=film.times_us)
-    for path in (
-        (folder / "simulated").rglob("*") if os.geteuid() == 0 else ()
-    ):  # training prepares recordings where they lie
-        os.chown(path, NOBODY, NOBODY)
+    if os.geteuid() == 0:  # training prepares recordings where they lie
+        for path in (folder / "simulated").rglob("*"):
+            os.chown(path, NOBODY, NOBODY)
     return Inputs(folder / "noise.txt", folder / "simulated", folder / "masks.npz", model)
 
 

@@ -106,6 +106,7 @@ def recognised(path: Path) -> Kind:
     if path.name == METADATA and is_folder_of_bag(path.parent):
         return "rosbag2"
     start = _start(path)
+    _refuse_tar(path, start)
     if packing(path):
         return _packed(path, start)
     for magic, kind in STARTS.items():
@@ -117,8 +118,6 @@ def recognised(path: Path) -> Kind:
     for magic, (what, fix) in NO_RECORDING.items():
         if start.startswith(magic):
             raise BadFile(f"{path.name} is {what}", fix=fix)
-    if start[TAR_AT : TAR_AT + len(TAR)] == TAR:
-        raise BadFile(f"{path.name} is a tar archive", fix=f"unpack it first: tar xf {path.name}")
     if PICKLE.match(start):
         raise BadFile(
             f"{path.name} is a Python pickle, which may run code: it was not opened", fix=f"give one of: {READABLE}"
@@ -135,10 +134,19 @@ def _packed(path: Path, start: bytes) -> Kind:
     inside = unpacked_start(path)
     if inside and not _binary(inside):
         return _text_or_prophesee(path, inside)
-    if inside[TAR_AT : TAR_AT + len(TAR)] == TAR:
-        raise BadFile(f"{path.name} is a compressed tar archive", fix=f"unpack it first: tar xf {path.name}")
+    _refuse_tar(path, inside)
     what, fix = next(words for magic, words in NO_RECORDING.items() if start.startswith(magic))
     raise BadFile(f"{path.name} is {what}, and no text", fix=fix)
+
+
+def _refuse_tar(path: Path, start: bytes) -> None:
+    """Refuse several files in one.
+
+    Raises:
+        BadFile: the bytes are the beginning of a tar archive.
+    """
+    if start[TAR_AT : TAR_AT + len(TAR)] == TAR:
+        raise BadFile(f"{path.name} is a tar archive of several files", fix=f"unpack it first: tar xf {path.name}")
 
 
 def _start(path: Path) -> bytes:
