@@ -211,7 +211,7 @@ def rows(command: str, inputs: Inputs, folder: Path) -> Iterator[Row]:
         place = out / number.name
         arguments = inputs.arguments(command, place, long=True)
         end = signalled(arguments, number, works=at_work(command, inputs, place))
-        yield Row(command, number.name, (128 + number,), end, hidden_in(folder))
+        yield Row(command, number.name, (128 + number,), end, hidden_in(place))
 
 
 def without_home(command: str, inputs: Inputs, place: Path) -> Row:

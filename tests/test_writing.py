@@ -217,3 +217,21 @@ def test_a_signal_while_folders_are_made_leaves_none(tmp_path, monkeypatch, at):
     with pytest.raises(KeyboardInterrupt), OutputFolder(tmp_path / "new" / "out"):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("at", ["rmtree", "rmdir"])
+def test_a_signal_while_folders_are_removed_leaves_none(tmp_path, monkeypatch, at):
+    import evimo.writing as writing
+
+    home, signals = writing.shutil if at == "rmtree" else Path, [KeyboardInterrupt()]
+    usual = getattr(home, at)
+
+    def interrupted(*of, **how):
+        if signals:
+            raise signals.pop()
+        return usual(*of, **how)
+
+    with pytest.raises(KeyboardInterrupt), OutputFolder(tmp_path / "new" / "out") as outputs:
+        outputs.path("a.txt").write_text("a")
+        monkeypatch.setattr(home, at, interrupted)
+    assert list(tmp_path.iterdir()) == [] and not signals

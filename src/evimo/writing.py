@@ -85,8 +85,11 @@ class OutputFolder:
         Raises:
             BadInput: the disk was full, or could not be written any more.
         """
-        _remove(self._hidden, self._lock)
-        self._remove_made()
+        try:
+            self._remove_hidden()
+        except BaseException:  # a signal that came meanwhile
+            self._remove_hidden()
+            raise
         if isinstance(error, OSError) and _is_about(error, self.folder):
             raise _unwritable(self._names, error, self._fix) from error
 
@@ -115,6 +118,10 @@ class OutputFolder:
                 if not (self.folder / name).is_dir():
                     os.replace(self.path(name), self.folder / name)
         return [self.folder / name for name in new]
+
+    def _remove_hidden(self) -> None:
+        _remove(self._hidden, self._lock)
+        self._remove_made()
 
     def _remove_made(self) -> None:
         for made in self._made:
