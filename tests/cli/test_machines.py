@@ -1,5 +1,6 @@
 """Every command on machines as they are: full and read-only disks, closed outputs, signals."""
 
+import importlib
 import os
 import signal
 import subprocess
@@ -8,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -127,23 +129,34 @@ def test_an_output_without_room_is_two_lines(command, inputs, tmp_path):
     assert "No space left" in err
 
 
+@pytest.fixture(scope="module")
+def machines() -> ModuleType:
+    """The script that makes the table of docs/machines.md."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2] / "bench"))
+        return importlib.import_module("machines")
+
+
+@pytest.fixture(scope="module")
+def long_inputs(machines, tmp_path_factory, fake_network):
+    return machines.made_inputs(tmp_path_factory.mktemp("long"), model=str(fake_network))
+
+
 @pytest.mark.parametrize(
     "command, number",
-    [*((each, signal.SIGTERM) for each in WRITING), *(("simulate", each) for each in (signal.SIGHUP, signal.SIGINT))],
+    [
+        *((each, signal.SIGTERM) for each in (*COMMANDS, "evaluate --truth")),
+        *(("simulate", each) for each in (signal.SIGHUP, signal.SIGINT)),
+    ],
 )
-def test_signals_end_every_command(command, number, inputs, tmp_path):
-    longer = {"simulate": ["--minutes", "5"], "train": ["--steps", "9999"], "view": ["--speed", "0.001"]}
-    arguments = inputs.arguments(command, tmp_path / "out")
-    arguments = [each for each in arguments if each not in ("0.005", "--minutes", "--steps", "2")]
-    process = started([*arguments, *longer.get(command, [])], stdin=subprocess.DEVNULL)
-    time.sleep(4)
-    process.send_signal(number)
-    _, err = process.communicate(timeout=100)
-    if process.returncode == 0:
-        pytest.skip("it had ended before")
-    assert process.returncode == 128 + number, err
+def test_signals_end_every_command(command, number, machines, long_inputs, tmp_path):
+    """As soon as it works, however fast the machine is: it is halted there until the signal has come."""
+    arguments = long_inputs.arguments(command, tmp_path / "out", long=True)
+    works = machines.at_work(command, long_inputs, tmp_path / "out")
+    code, err = machines.signalled(arguments, number, works=works)
+    assert code == 128 + number, err
     assert "Traceback" not in err
-    assert [path for path in (tmp_path / "out").rglob(".*")] == []
+    assert machines.hidden_in(tmp_path) == []
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
