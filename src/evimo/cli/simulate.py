@@ -75,7 +75,7 @@ def simulate(
 
     check_device(device)
     check_workers(workers)
-    own, pixels = OwnFolders(texture_dir, mesh_dir), _size(size)
+    own, pixels = OwnFolders(texture_dir, mesh_dir), pixels_of(size)
     if replica:
         given = (set, sensor, seconds, camera, layout, events, population, part)
         if given != ("all", "davis346", 1.0, None, "evimo2", None, "stress", None):
@@ -136,7 +136,12 @@ def _set_number(text: str) -> int:
     return 1 if text == "all" else int(text)
 
 
-def _size(text: str | None) -> tuple[int, int] | None:
+def pixels_of(text: str | None) -> tuple[int, int] | None:
+    """Height and width of a text such as 346x260.
+
+    Raises:
+        BadInput: it is none.
+    """
     if text is None:
         return None
     match = re.fullmatch(r"(\d+)x(\d+)", text)
