@@ -1,6 +1,7 @@
 """What is expected of the models' order, and whether the tables show it."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 from evimo.benchmark.tables import Block, ResultTable, value_of
 from evimo.evaluation.columns import BY_NAME
@@ -29,7 +30,7 @@ def _ordered(block: Block, name: str, expected: Sequence[str]) -> Iterator[str]:
     if len(found) < 2:
         return
     sign = 1 if column.better == "higher" else -1
-    kept = all(sign * a >= sign * b for (_, a), (_, b) in zip(found, found[1:], strict=False))
+    kept = all(sign * a >= sign * b for (_, a), (_, b) in pairwise(found))
     text = ", ".join(f"{model} {value:.{column.digits}f}" for model, value in found)
     yield f"{column.header}, {block.title}: {text}: {'as expected' if kept else 'NOT in the expected order'}"
 

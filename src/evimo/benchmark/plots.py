@@ -114,7 +114,9 @@ def _stratified(
     def draw(axes: "Axes") -> None:
         for k, (model, each) in enumerate(values.items()):
             known = [(at, value) for at, value in enumerate(each) if value is not None]
-            axes.plot(*zip(*known, strict=True), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=model)
+            axes.plot(
+                *zip(*known, strict=True), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=model
+            )
         axes.set_xticks(range(len(words)), words)
         axes.set(xlabel=label, ylabel="IoU", ylim=(0, 1))
         axes.legend(loc="best")
@@ -129,21 +131,21 @@ def _over_bins(result: Result) -> Iterator[Plot | None]:
         DEPTH,
         trivial=CONSTANT_DEPTH,
         words=("Depth error over depth", "true depth, m", "mean |error| / true depth"),
-        caption="Pixels by their true depth, each frame at its median scale. One depth everywhere is right at one depth.",
+        caption="Pixels by their true depth, each frame at its median scale; one depth is right at one depth.",
     )
     yield _binned(
         result,
         TURNING,
         trivial=ZERO_TWIST,
         words=("Rotation error over rotation", "how fast the camera turns, rad/s", "RRE, rad/s"),
-        caption="Slices by the true rotation of the camera; above the dashed line a model is worse than saying nothing.",
+        caption="Slices by the true rotation of the camera; above the dashed line, saying nothing is better.",
     )
     yield _binned(
         result,
         SPEED,
         trivial=ZERO_TWIST,
         words=("Velocity error over speed", "how fast the camera moves, m/s", "AEE at the scale of the depths, m/s"),
-        caption="Slices by the true speed of the camera; above the dashed line a model is worse than saying nothing.",
+        caption="Slices by the true speed of the camera; above the dashed line, saying nothing is better.",
     )
 
 
@@ -155,7 +157,9 @@ def _binned(result: Result, name: str, *, trivial: str, words: tuple[str, str, s
     nothing = result.total(TRIVIAL).curves.get(f"{ZERO_TWIST}: {name}", {})
 
     def points(curve: Scores) -> tuple[list[float], list[float]]:
-        known = [(float(middles[int(k)]), value) for k in sorted(curve, key=int) if (value := curve[k].value) is not None]
+        known = [
+            (float(middles[int(k)]), value) for k in sorted(curve, key=int) if (value := curve[k].value) is not None
+        ]
         return [x for x, _ in known], [y for _, y in known]
 
     def draw(axes: "Axes") -> None:
@@ -170,7 +174,8 @@ def _binned(result: Result, name: str, *, trivial: str, words: tuple[str, str, s
 
 def _by_sequence(result: Result) -> Plot | None:
     values = {
-        model: [result.of_sequence(model, sequence).get("iou") for sequence in result.ordered] for model in result.models
+        model: [result.of_sequence(model, sequence).get("iou") for sequence in result.ordered]
+        for model in result.models
     }
     shown = [k for k in range(len(result.ordered)) if any(each[k] is not None for each in values.values())]
     if not shown:

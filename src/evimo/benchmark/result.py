@@ -97,7 +97,13 @@ class Result:
 
 
 def _kept(counts: Mapping[str, int]) -> str:
-    words = ("slices", "slices with movers", "slices with the camera at rest", "slices without events", "slices without truth")
+    words = (
+        "slices",
+        "slices with movers",
+        "slices with the camera at rest",
+        "slices without events",
+        "slices without truth",
+    )
     return ", ".join(f"{counts[name]:,} {name}" for name in words if counts.get(name))
 
 

@@ -100,8 +100,6 @@ def _scored(kept: Kept, rival: Rival, sequence: Sequence, advance: Advance) -> T
     return scored(kept, rival, sequence, tell)
 
 
-def _worst(
-    rival: Rival, sequences: list[Sequence], tallies: Mapping[tuple[str, str], Tally]
-) -> list[WorstCase]:
+def _worst(rival: Rival, sequences: list[Sequence], tallies: Mapping[tuple[str, str], Tally]) -> list[WorstCase]:
     """The worst masks of the first model."""
     return worst_cases(rival, sequences, {sequence.name: tallies[rival.name, sequence.name] for sequence in sequences})

@@ -68,7 +68,9 @@ def trivial_tally(recording: Recording, tick: Tick) -> Tally:
         elif not len(part.events):
             total = total + Tally(counts={"slices without events": 1})
         else:
-            total = total + Tally(rows=dict(_trivial_rows(sample)), curves=_trivial_curves(sample), counts=counts_of(sample))
+            total = total + Tally(
+                rows=dict(_trivial_rows(sample)), curves=_trivial_curves(sample), counts=counts_of(sample)
+            )
         tick()
     return total
 

@@ -37,8 +37,8 @@ LAYOUTS = (
     Layout(
         "II",
         "Segmentation and motion",
-        "Camera velocity at the true speed and at the scale of the depths, camera rotation, object velocity and how many"
-        " objects have one, and the motion masks.",
+        "Camera velocity at the true speed and at the scale of the depths, camera rotation, object velocity, how many"
+        " objects have one, and motion masks.",
         ("table", "wall", "fast"),
         ("camera_aee", "camera_aee_depth", "camera_rre", "object_aee", "objects_found", "iou"),
         (baselines.ZERO_TWIST, baselines.EVERYTHING, baselines.DENSITY, ceilings.DEPTH_UNKNOWN, ceilings.TRUE_FLOW),
@@ -121,7 +121,11 @@ def tables_of(kept: Kept, *, models: Sequence[str], trivial: str) -> list[Result
             scenes = [ALL]
         columns = tuple(BY_NAME[name] for name in layout.columns)
         blocks = [
-            Block(scene, SCENES[scene].title if scene in SCENES else scene, tuple(_rows(layout, kept, scene, models, trivial)))
+            Block(
+                scene,
+                SCENES[scene].title if scene in SCENES else scene,
+                tuple(_rows(layout, kept, scene, models, trivial)),
+            )
             for scene in scenes
         ]
         tables.append(ResultTable(layout, columns, tuple(block for block in blocks if block.rows)))

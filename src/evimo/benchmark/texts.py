@@ -27,7 +27,13 @@ def as_markdown(result: Result) -> str:
     for table in result.tables:
         lines += [f"## Table {table.layout.key}. {table.layout.title}", "", table.layout.about, ""]
         lines += _our_table(table)
-        lines += ["", f"### The paper's numbers, for Table {table.layout.key}", "", f"{table.layout.paper.title}, {ON}.", ""]
+        lines += [
+            "",
+            f"### The paper's numbers, for Table {table.layout.key}",
+            "",
+            f"{table.layout.paper.title}, {ON}.",
+            "",
+        ]
         lines += [*_paper_table(table.layout.paper), ""]
     if said := list(verdicts(result.tables)):
         lines += ["## Expected orders", "", *(f"- {each}" for each in said), ""]
@@ -113,4 +119,8 @@ def _block(block: Block) -> dict[str, Any]:
 
 
 def _paper(paper: PaperTable) -> dict[str, Any]:
-    return {"title": paper.title, "heads": ["scene", "method", *paper.heads], "lines": [list(line) for line in paper.lines]}
+    return {
+        "title": paper.title,
+        "heads": ["scene", "method", *paper.heads],
+        "lines": [list(line) for line in paper.lines],
+    }

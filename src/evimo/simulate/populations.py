@@ -1,4 +1,4 @@
-"""The populations of scenes: `stress`, as hard as scenes may be, `replica`, as EV-IMO shows them, and `planar`, a wall."""
+"""The populations of scenes: `stress`, as hard as scenes may be, `replica`, as in EV-IMO, and `planar`, a wall."""
 
 from typing import Any
 
