@@ -94,7 +94,7 @@ def test_the_page_is_whole_in_itself(command, tmp_path):
     assert page.tags.count("svg") == 7
     assert page.tags.count("img") == 3  # of each recording with movers its worst slice
     assert "Precision and recall" in text and "IoU by sequence" in text
-    assert len(set(re.findall(r'<section id="([^"]+)"', text))) == 7
+    assert len(set(re.findall(r'<section id="([^"]+)"', text))) == 6
 
 
 def test_what_was_scored_is_not_scored_again(command, runs, tmp_path):
@@ -167,7 +167,7 @@ def test_what_does_not_fit_is_one_error(words, said, runs, recordings, tmp_path,
 
 def test_an_empty_folder_is_one_error(runs, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
-    assert main(["benchmark", "--data", str(tmp_path / "empty"), "--out", str(tmp_path / "out")]) == 2
+    assert main(["benchmark", "--data", str(tmp_path / "empty"), "--out", str(tmp_path / "out"), *MODELS]) == 2
     assert "no recording in" in capsys.readouterr().err
 
 
@@ -179,6 +179,12 @@ def test_recordings_of_another_plan_are_refused(runs, tmp_path, capsys):
     told = capsys.readouterr().err
     assert "recordings of another plan: seed 3 instead of seed 71000000" in told
     assert [path.name for path in folder.iterdir()] == [INDEX]
+
+
+def test_an_unknown_model_is_refused_before_anything_is_simulated(runs, tmp_path, capsys):
+    assert main(["benchmark", "--out", str(tmp_path / "out"), "--models", "unknown"]) == 2
+    assert "no model 'unknown'" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "recordings").exists()
 
 
 def test_the_papers_numbers_are_the_papers():

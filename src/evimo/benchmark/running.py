@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from evimo.benchmark.cases import Kept, Rival, Sequence, rivals_of, scored, sequences_in
+from evimo.benchmark.cases import Kept, Rival, Sequence, scored, sequences_in
 from evimo.benchmark.page import as_html
 from evimo.benchmark.result import Result
 from evimo.benchmark.tally import Tally
@@ -60,16 +60,16 @@ def settings_of(plan: "BenchmarkPlan") -> dict[str, str]:
 
 
 def benchmark(
-    folder: Path, out: Path, *, models: tuple[str, ...], settings: Mapping[str, str], progress: Progress
+    folder: Path, out: Path, *, rivals: list[Rival], settings: Mapping[str, str], progress: Progress
 ) -> Result:
-    """Score models on all recordings in a folder, and keep tables, plots and pictures in `out`.
+    """Score `rivals_of` some models on all recordings in a folder, and keep tables, plots and pictures in `out`.
 
     What was scored there before, by the same model on the same recording, is not scored again.
 
     Raises:
-        NotFound, BadFile: recordings or a model. BadInput: models of one name, or `out` cannot be written.
+        NotFound, BadFile: recordings. BadInput: two of one name, or `out` cannot be written.
     """
-    rivals, sequences, kept = rivals_of(models), sequences_in(folder), Kept(out / SCORES)
+    sequences, kept = sequences_in(folder), Kept(out / SCORES)
     if twice := {sequence.name for sequence in sequences if [each.name for each in sequences].count(sequence.name) > 1}:
         raise BadInput(f"two recordings are called {min(twice)}", fix="other names")
     tallies: dict[tuple[str, str], Tally] = {}

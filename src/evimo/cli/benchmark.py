@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from evimo.benchmark import running
+from evimo.benchmark.cases import rivals_of
 from evimo.benchmark.orders import verdicts
 from evimo.benchmark.result import Result
 from evimo.benchmark.tables import ResultTable
@@ -55,6 +56,7 @@ def benchmark(
     check_installed("a benchmark", "matplotlib", "jinja2", extra="benchmark")
     if data is not None and (minutes, seed, size, workers) != (None, None, None, None):
         raise BadInput(f"{SIMULATES} are of simulated recordings, not of --data", fix="leave them or --data out")
+    rivals = rivals_of(models)
     make_folder(out)
     settings = {"recordings": str(data)}
     if data is None:
@@ -70,7 +72,7 @@ def benchmark(
         settings = running.settings_of(plan)
     else:
         folder = data
-    result = running.benchmark(folder, out, models=models, settings=settings, progress=progress)
+    result = running.benchmark(folder, out, rivals=rivals, settings=settings, progress=progress)
     _show(result)
     print(f"saved in {out}: {', '.join(running.FILES)}")
 
