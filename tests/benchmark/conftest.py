@@ -77,7 +77,7 @@ def knowing(path: Path) -> Iterator[Estimate]:
 
 
 def half_knowing(path: Path) -> Iterator[Estimate]:
-    """One that misses the upper half of the object, calls a row of the wall moving, and does not see the camera turn."""
+    """One that misses half of the object, calls a row of the wall moving, and does not see the camera turn."""
     for estimate in knowing(path):
         probability = estimate.moving_probability.copy()
         probability[:15] *= 0.2

@@ -23,12 +23,18 @@ def command(runs, recordings, tmp_path) -> list[str]:
     return ["benchmark", "--data", str(recordings), "--out", str(tmp_path / "out"), *MODELS]
 
 
+@pytest.fixture
+def no_page(monkeypatch) -> None:
+    """Leaves out the page, which takes a second."""
+    monkeypatch.setattr("evimo.benchmark.running.as_html", lambda result: "")
+
+
 def values_in(out: Path) -> dict[tuple[str, ...], float]:
     rows = csv.DictReader(io.StringIO((out / "benchmark.csv").read_text()))
     return {(row["table"], row["scene"], row["row"], row["score"]): float(row["value"]) for row in rows}
 
 
-def test_the_tables_say_what_is_worked_out_by_hand(command, tmp_path):
+def test_the_tables_say_what_is_worked_out_by_hand(no_page, command, tmp_path):
     assert main(command) == 0
     values = values_in(tmp_path / "out")
     for scene in ("wall", "table"):
@@ -48,7 +54,7 @@ def test_the_tables_say_what_is_worked_out_by_hand(command, tmp_path):
     assert {scene for table, scene, *_ in values if table == "II"} == {"wall", "table"}
 
 
-def test_the_papers_numbers_stand_apart(command, tmp_path):
+def test_the_papers_numbers_stand_apart(no_page, command, tmp_path):
     main(command)
     out = tmp_path / "out"
     page = (out / "benchmark.md").read_text()
@@ -61,7 +67,7 @@ def test_the_papers_numbers_stand_apart(command, tmp_path):
     assert set(told["paper"]) == {"measured on", "tables"} and len(told["paper"]["tables"]) == 3
 
 
-def test_reports_say_how_it_was_measured(command, tmp_path, capsys):
+def test_reports_say_how_it_was_measured(no_page, command, tmp_path, capsys):
     main(command)
     page = (tmp_path / "out" / "benchmark.md").read_text()
     for fact in ("25 ms", "3 cm/s", "0.5", "digest of half", "seeds 7 to 8", "true norm per slice", "samples kept"):
@@ -97,7 +103,7 @@ def test_the_page_is_whole_in_itself(command, tmp_path):
     assert len(set(re.findall(r'<section id="([^"]+)"', text))) == 6
 
 
-def test_what_was_scored_is_not_scored_again(command, runs, tmp_path):
+def test_what_was_scored_is_not_scored_again(no_page, command, runs, tmp_path):
     main(command)
     first = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
     assert runs == [(model, name) for model in ("half", "perfect") for name in ("d", "c", "a", "b")]
@@ -126,7 +132,7 @@ def test_a_benchmark_that_was_interrupted_goes_on(command, runs, tmp_path, monke
     assert [model for model, _ in runs] == ["half"] * 4 + ["perfect"] * 4
 
 
-def test_other_weights_of_the_same_name_are_scored_anew(command, runs, monkeypatch):
+def test_other_weights_of_the_same_name_are_scored_anew(no_page, command, runs, monkeypatch):
     main(command)
 
     class Trained:
@@ -138,7 +144,7 @@ def test_other_weights_of_the_same_name_are_scored_anew(command, runs, monkeypat
     assert [model for model, _ in runs[8:]] == ["half"] * 4
 
 
-def test_folders_of_ev_imo_name_the_background(runs, saved, tmp_path):
+def test_folders_of_ev_imo_name_the_background(no_page, runs, saved, tmp_path):
     saved(tmp_path / "eval" / "wall" / "seq_00", background=None)
     assert main(["benchmark", "--data", str(tmp_path / "eval"), "--out", str(tmp_path / "out"), *MODELS]) == 0
     assert ("II", "wall", "half", "iou") in values_in(tmp_path / "out")

@@ -36,7 +36,7 @@ def as_html(result: Result) -> str:
         columns=list(dict.fromkeys(column for table in result.tables for column in table.columns)),
         hit=_css(HIT),
         missed=_css(MISSED),
-        false=_css(FALSE),
+        wrong=_css(FALSE),
     )
 
 
@@ -44,8 +44,8 @@ def _lead(result: Result) -> str:
     slices = sum(tally.counts.get("slices", 0) for tally in result.by_scene[TRIVIAL].values())
     models = ", ".join(result.models)
     return (
-        f"{len(result.sequences)} recordings, {slices:,} slices of 25 ms. Models: {models}. Every number is measured by"
-        " `evimo benchmark` against exact truth, on the same slices and pixels for every row."
+        f"{len(result.sequences)} recordings, {slices:,} slices of 25 ms. Models: {models}. Measured by evimo benchmark"
+        " against exact truth, on the same slices and pixels for every row."
     )
 
 

@@ -56,7 +56,8 @@ LAYOUTS = (
     Layout(
         "IV",
         "Depth",
-        "Dense depth over all scored pixels, brought to the scale of the truth by the medians of each frame.",
+        "Dense depth over all scored pixels, at the scale of the truth by the medians of each frame. The classical method"
+        " knows no depth: its numbers are those of one depth everywhere.",
         ("wall", "box", "table"),
         ("abs_rel", "rmse_log", "silog", "delta_1", "delta_2", "delta_3"),
         (baselines.CONSTANT_DEPTH,),
@@ -83,13 +84,15 @@ class Block:
     rows: tuple[Row, ...]
 
     def best(self, column: Column) -> set[str]:
-        """The models with the best value of that column."""
-        values = {row.name: value_of(row, column) for row in self.rows if row.kind == "model"}
-        known = {name: value for name, value in values.items() if value is not None}
-        if len(known) < 2:
+        """The models with the best value of that column, if that is better than what every trivial answer has."""
+        sign = 1 if column.better == "higher" else -1
+        values = {row.name: sign * value for row in self.rows if (value := value_of(row, column)) is not None}
+        kinds = {row.name: row.kind for row in self.rows}
+        models = [value for name, value in values.items() if kinds[name] == "model"]
+        trivial = [value for name, value in values.items() if kinds[name] == "trivial"]
+        if len(models) < 2 or max(models) <= max(trivial, default=max(models) - 1):
             return set()
-        chosen = (min if column.better == "lower" else max)(known.values())
-        return {name for name, value in known.items() if value == chosen}
+        return {name for name, value in values.items() if kinds[name] == "model" and value == max(models)}
 
     def kept(self, column: Column) -> int:
         """How many slices, or objects in slices, are in the first number of that column."""

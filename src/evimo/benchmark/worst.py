@@ -22,7 +22,7 @@ HIT: RGB = OBJECTS[3]
 MISSED: RGB = POSITIVE
 FALSE: RGB = NEGATIVE
 GAP = 6  # px between panels
-MOST = 8
+MOST = 6
 
 
 @dataclass(frozen=True, slots=True)

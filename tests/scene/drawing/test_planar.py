@@ -27,7 +27,14 @@ def test_a_camera_neither_rolls_nor_pitches_but_moves_and_yaws(scenes):
     assert np.abs(spins[:, 2]).mean() > 0.05
     assert np.abs(velocities).mean(axis=0).min() > 0.03
     for each in poses:
+        assert np.linalg.norm(each.velocity, axis=1).min() > 1e-3  # a hand turns round, but does not stand still
         assert np.allclose(each.rotation[:, :, 2], (0, 1, 0))  # the optical axis meets the far wall at right angles
+
+
+def test_short_scenes_move_too(bank):
+    for k in range(30):
+        scene = draw_planar_scene(np.random.default_rng((4, k)), SETS[2], bank, seconds=0.2)
+        assert np.linalg.norm(scene.camera.at(np.linspace(0, 0.2, 9)).velocity, axis=1).max() > 0.01
 
 
 def test_nothing_in_view_has_depth_or_moves_by_itself(scenes):
