@@ -4,7 +4,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,7 +25,7 @@ COLOURS = ("#1b5fc1", "#0f9d8a", "#e08a1e", "#8e5bd0", "#d1495b", "#5c6b7a")
 MARKERS = "osD^vP"
 GREY, RULE, INK = "#8a929c", "#e3e6ea", "#20262e"
 HALF = LEVELS // 2
-STYLE = {
+STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text: it can be searched, and the page's font is used
     "font.family": "sans-serif",
     "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],

@@ -11,9 +11,9 @@ from evimo.evaluation import baselines, ceilings
 from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice
 from evimo.evaluation.metrics import overlap
 from evimo.evaluation.ratios import Scores
+from evimo.evaluation.report import MODEL
 from evimo.evaluation.scores import at_rest, prediction_scores
 from evimo.evaluation.scoring import Labeller, labelled_estimates
-from evimo.evaluation.tables import MODEL
 from evimo.geometry.rectification import rectified
 from evimo.recordings.prediction import Prediction
 from evimo.recordings.recording import Recording

@@ -56,8 +56,8 @@ LAYOUTS = (
     Layout(
         "IV",
         "Depth",
-        "Dense depth over all scored pixels, at the scale of the truth by the medians of each frame. The classical method"
-        " knows no depth: its numbers are those of one depth everywhere.",
+        "Dense depth over all scored pixels, at the scale of the truth by the medians of each frame. The classical"
+        " method knows no depth: its numbers are those of one depth everywhere.",
         ("wall", "box", "table"),
         ("abs_rel", "rmse_log", "silog", "delta_1", "delta_2", "delta_3"),
         (baselines.CONSTANT_DEPTH,),

@@ -53,10 +53,15 @@ def worst_cases(
 def _drawn(rival: Rival, sequence: Sequence, frame: FrameScore) -> Image:
     """The picture of one slice, estimated once more."""
     recording = sequence.recording
-    begin_us = max(frame.start_us - recording.events.start_us, 0)
-    stop_us = frame.start_us + SLICE_US - recording.events.start_us
-    span = {"start_s": begin_us / 1e6, "stop_s": stop_us / 1e6}
-    estimates = run(recording.events, model=rival.model, camera=recording.camera, imu="off", **span)
+    since_us = frame.start_us - recording.events.start_us
+    estimates = run(
+        recording.events,
+        model=rival.model,
+        camera=recording.camera,
+        start_s=max(since_us, 0) / 1e6,
+        stop_s=(since_us + SLICE_US) / 1e6,
+        imu="off",
+    )
     for prediction, sample in labelled_estimates(recording, estimates):
         if sample is not None:
             return panels(prediction, sample)

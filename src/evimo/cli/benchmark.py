@@ -1,7 +1,7 @@
 """`evimo benchmark`: the paper's tables of every model, with a page that shows them."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.box import SIMPLE
@@ -20,6 +20,9 @@ from evimo.cli.simulate import SIMULATING, pixels_of
 from evimo.errors import BadInput, check_installed
 from evimo.evaluation.tables import header
 from evimo.writing import make_folder
+
+if TYPE_CHECKING:
+    from evimo.simulate.benchmark_set import BenchmarkPlan
 
 SEED = 71_000_000
 """Of the first recording; training and choosing weights have had others."""
@@ -58,23 +61,22 @@ def benchmark(
         raise BadInput(f"{SIMULATES} are of simulated recordings, not of --data", fix="leave them or --data out")
     rivals = rivals_of(models)
     make_folder(out)
-    settings = {"recordings": str(data)}
-    if data is None:
-        check_installed("simulating", *SIMULATING, extra="benchmark")
-        from evimo.simulate.benchmark_set import BenchmarkPlan
-
-        plan = BenchmarkPlan(
-            minutes=MINUTES if minutes is None else minutes,
-            seed=SEED if seed is None else seed,
-            size=pixels_of(size),
-        )
+    folder, settings = data, {"recordings": str(data)}
+    if folder is None:
+        plan = _plan(MINUTES if minutes is None else minutes, SEED if seed is None else seed, size)
         folder = running.make_recordings(plan, out, workers=1 if workers is None else workers, progress=progress)
         settings = running.settings_of(plan)
-    else:
-        folder = data
     result = running.benchmark(folder, out, rivals=rivals, settings=settings, progress=progress)
     _show(result)
     print(f"saved in {out}: {', '.join(running.FILES)}")
+
+
+def _plan(minutes: float, seed: int, size: str | None) -> "BenchmarkPlan":
+    """What to simulate; only this needs the simulator."""
+    check_installed("simulating", *SIMULATING, extra="benchmark")
+    from evimo.simulate.benchmark_set import BenchmarkPlan
+
+    return BenchmarkPlan(minutes=minutes, seed=seed, size=pixels_of(size))
 
 
 def _show(result: Result) -> None:
