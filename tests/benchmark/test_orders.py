@@ -19,8 +19,17 @@ def test_the_order_of_masks_is_told_as_it_is():
     assert [*verdicts([table("II", "iou", base=0.7)])] == []
 
 
+def test_lower_is_better_for_errors():
+    depth = table("IV", "abs_rel", base=0.2, small=0.3, tiny=0.25, classical=0.1)
+    assert [*verdicts([depth])] == [
+        "AbsRel, plain wall: base 0.200, small 0.300, tiny 0.250: NOT in the expected order"
+    ]
+    motion = table("III", "camera_aee", base=0.1, tiny=0.2, classical=0.3)
+    assert [*verdicts([motion])] == ["cam AEE, plain wall: base 0.100, tiny 0.200, classical 0.300: as expected"]
+
+
 def test_ecn_is_expected_last_on_depth():
-    last, first = table("IV", "abs_rel", base=0.2, tiny=0.3, ecn=0.4), table("IV", "abs_rel", base=0.2, ecn=0.1)
+    last, first = table("IV", "abs_rel", base=0.3, ecn=0.4), table("IV", "abs_rel", base=0.2, ecn=0.1)
     assert [*verdicts([last])] == ["AbsRel, plain wall: ecn 0.400 is last, as expected"]
     assert [*verdicts([first])] == ["AbsRel, plain wall: ecn 0.100 is NOT last, as was expected"]
     assert [*verdicts([table("IV", "abs_rel", base=0.2, classical=0.1)])] == []

@@ -6,21 +6,23 @@ from itertools import pairwise
 from evimo.benchmark.tables import Block, ResultTable, value_of
 from evimo.evaluation.columns import BY_NAME
 
-BY_QUALITY = ("base", "small", "tiny", "classical")
+NETWORKS = ("base", "small", "tiny")
+BY_QUALITY = (*NETWORKS, "classical")
 """Best first, as their cost lets one expect."""
 LAST_ON_DEPTH = "ecn"
 
 
 def verdicts(tables: Sequence[ResultTable]) -> Iterator[str]:
-    """One sentence for each expected order: of masks by scene, and of depth."""
+    """One sentence for each expected order: of masks and depth by scene, and of egomotion."""
     for table in tables:
         for block in table.blocks:
             if table.layout.key == "II":
                 yield from _ordered(block, "iou", BY_QUALITY)
+            if table.layout.key == "III":
+                yield from _ordered(block, "camera_aee", BY_QUALITY)
             if table.layout.key == "IV":
-                names = [row.name for row in block.rows if row.kind == "model" and row.name not in ("classical",)]
-                networks = tuple(name for name in names if name != LAST_ON_DEPTH)
-                yield from _last(block, "abs_rel", networks)
+                yield from _ordered(block, "abs_rel", NETWORKS)
+                yield from _last(block, "abs_rel", NETWORKS)
 
 
 def _ordered(block: Block, name: str, expected: Sequence[str]) -> Iterator[str]:
