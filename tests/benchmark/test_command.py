@@ -106,7 +106,7 @@ def test_the_page_is_whole_in_itself(command, tmp_path):
 def test_what_was_scored_is_not_scored_again(no_page, command, runs, tmp_path):
     main(command)
     first = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
-    assert runs == [(model, name) for model in ("half", "perfect") for name in ("d", "c", "a", "b")]
+    assert runs == [(model, name) for name in ("d", "c", "a", "b") for model in ("half", "perfect")]
     main(command)
     assert len(runs) == 8
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()} == first
@@ -118,18 +118,38 @@ def test_what_was_scored_is_not_scored_again(no_page, command, runs, tmp_path):
 def test_a_benchmark_that_was_interrupted_goes_on(command, runs, tmp_path, monkeypatch):
     from evimo.benchmark import cases
 
-    def interrupted(recording, model, tick):
-        if model == "perfect":
+    def interrupted(recording, models, tick):
+        if recording.path.name == "a":
             raise KeyboardInterrupt
-        return model_tally(recording, model, tick)
+        return tallies_of(recording, models, tick)
 
-    model_tally = cases.model_tally
-    monkeypatch.setattr(cases, "model_tally", interrupted)
+    tallies_of = cases.tallies_of
+    monkeypatch.setattr(cases, "tallies_of", interrupted)
     assert main(command) == 130
     assert not (tmp_path / "out" / "benchmark.html").exists()
-    monkeypatch.setattr(cases, "model_tally", model_tally)
+    monkeypatch.setattr(cases, "tallies_of", tallies_of)
     assert main(command) == 0
-    assert [model for model, _ in runs] == ["half"] * 4 + ["perfect"] * 4
+    assert [name for model, name in runs if model == "half"] == ["d", "c", "a", "b"]
+
+
+def test_models_score_side_by_side_what_they_score_alone(no_page, command, runs, recordings, tmp_path):
+    main(command)
+    together = values_in(tmp_path / "out")
+    for model in ("half", "perfect"):
+        alone = ["benchmark", "--data", str(recordings), "--out", str(tmp_path / model), "--models", model]
+        assert main(alone) == 0
+        found = values_in(tmp_path / model)
+        assert found == {key: value for key, value in together.items() if key[2] not in {"half", "perfect"} - {model}}
+
+
+def test_trivial_answers_are_scored_on_the_slices_of_the_models(no_page, command, runs, tmp_path):
+    main(command)
+    with_models = values_in(tmp_path / "out")
+    for path in (tmp_path / "out" / "scores" / "trivial_answers").iterdir():
+        path.unlink()
+    main(command)
+    assert values_in(tmp_path / "out") == with_models
+    assert len(runs) == 8
 
 
 def test_other_weights_of_the_same_name_are_scored_anew(no_page, command, runs, monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 from pytest import approx
 
 from evimo.benchmark.curves import DEPTH, LEVELS, PRECISION, RECALL, SPEED, TURNING, curves_of, mask_curves
-from evimo.benchmark.scoring import trivial_tally
+from evimo.benchmark.scoring import TRIVIAL, tallies_of
 from evimo.benchmark.tables import LAYOUTS, Block, Row
 from evimo.benchmark.tally import FrameScore, Tally, tally_from
 from evimo.evaluation.columns import BY_NAME
@@ -53,7 +53,8 @@ def test_motion_errors_are_sorted_by_how_fast_the_camera_is(sample):
 
 def test_tallies_add_up_and_come_back_from_json(saved, tmp_path):
     ticks = []
-    tally = trivial_tally(open_recording(saved(tmp_path / "wall", background="wall")), lambda: ticks.append(1))
+    recording = open_recording(saved(tmp_path / "wall", background="wall"))
+    tally = tallies_of(recording, {TRIVIAL: ""}, lambda: ticks.append(1))[TRIVIAL]
     assert tally.counts["slices"] == len(ticks) == 4
     tally = tally + Tally(frames=[FrameScore(25_000, 0.5, 60)])
     again = tally_from(json.loads(json.dumps(tally.as_dict())))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from evimo.benchmark.scenes import background_of
-from evimo.benchmark.scoring import TRIVIAL, Tick, model_tally, trivial_tally
+from evimo.benchmark.scoring import TRIVIAL, tallies_of
 from evimo.benchmark.tally import Tally, tally_from
 from evimo.errors import BadInput
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
@@ -46,10 +46,6 @@ class Rival:
     name: str
     model: str
     identity: dict[str, str]
-
-    def tally(self, recording: Recording, tick: Tick) -> Tally:
-        """Its scores on a recording."""
-        return trivial_tally(recording, tick) if self.name == TRIVIAL else model_tally(recording, self.model, tick)
 
 
 def sequences_in(folder: Path) -> list[Sequence]:
@@ -115,11 +111,17 @@ def _settings(rival: Rival, sequence: Sequence) -> dict[str, Any]:
     }
 
 
-def scored(kept: Kept, rival: Rival, sequence: Sequence, advance: Callable[[int, bool], None]) -> Tally:
-    """What a model scores on a recording, from before or now; `advance` is told of slices, and whether made now."""
-    if (tally := kept.known(rival, sequence)) is not None:
-        advance(len(sequence.recording), False)
-        return tally
-    tally = rival.tally(sequence.recording, lambda: advance(1, True))
-    kept.keep(rival, sequence, tally)
-    return tally
+def scored(
+    kept: Kept, rivals: list[Rival], sequence: Sequence, advance: Callable[[int, bool], None]
+) -> dict[str, Tally]:
+    """What models score on a recording, from before or now; `advance` is told of slices, and whether made now."""
+    known = {rival.name: kept.known(rival, sequence) for rival in rivals}
+    tallies = {name: tally for name, tally in known.items() if tally is not None}
+    advance(len(tallies) * len(sequence.recording), False)
+    missing = {rival.name: rival for rival in rivals if rival.name not in tallies}
+    if missing:
+        models = {name: rival.model for name, rival in missing.items()}
+        for name, tally in tallies_of(sequence.recording, models, lambda: advance(len(models), True)).items():
+            kept.keep(missing[name], sequence, tally)
+            tallies[name] = tally
+    return tallies

@@ -101,8 +101,7 @@ def _kept(counts: Mapping[str, int]) -> str:
         "slices",
         "slices with movers",
         "slices with the camera at rest",
-        "slices without events",
-        "slices without truth",
+        "slices without events or truth",
     )
     return ", ".join(f"{counts[name]:,} {name}" for name in words if counts.get(name))
 

@@ -75,9 +75,9 @@ def benchmark(
     tallies: dict[tuple[str, str], Tally] = {}
     total = len(rivals) * sum(len(sequence.recording) for sequence in sequences)
     with progress(total, "slices") as advance:
-        for rival in rivals:
-            for sequence in sequences:
-                tallies[rival.name, sequence.name] = _scored(kept, rival, sequence, advance)
+        for sequence in sequences:
+            found = _scored(kept, rivals, sequence, advance)
+            tallies |= {(name, sequence.name): tally for name, tally in found.items()}
     simulated = all("seed" in sequence.recording.meta for sequence in sequences)
     result = Result(
         title=f"EV-IMO’s experiments on {'simulated' if simulated else 'real'} recordings",
@@ -93,11 +93,11 @@ def benchmark(
     return result
 
 
-def _scored(kept: Kept, rival: Rival, sequence: Sequence, advance: Advance) -> Tally:
+def _scored(kept: Kept, rivals: list[Rival], sequence: Sequence, advance: Advance) -> dict[str, Tally]:
     def tell(slices: int, made: bool) -> None:
-        advance(slices, made=made, facts=f"{rival.name}, {sequence.name}")
+        advance(slices, made=made, facts=sequence.name)
 
-    return scored(kept, rival, sequence, tell)
+    return scored(kept, rivals, sequence, tell)
 
 
 def _worst(rival: Rival, sequences: list[Sequence], tallies: Mapping[tuple[str, str], Tally]) -> list[WorstCase]:

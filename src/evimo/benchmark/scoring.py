@@ -1,7 +1,6 @@
-"""One model, or all trivial answers, scored on one recording in constant memory."""
+"""Models and trivial answers scored on one recording, in constant memory."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from evimo.evaluation.report import MODEL
 from evimo.evaluation.scores import at_rest, prediction_scores
 from evimo.evaluation.scoring import Labeller, labelled_estimates
 from evimo.geometry.rectification import rectified
-from evimo.recordings.prediction import Prediction
+from evimo.recordings.prediction import Prediction, prediction_of
 from evimo.recordings.recording import Recording
 from evimo.streaming.pipeline import run
 from evimo.streaming.span import span_of
@@ -25,21 +24,50 @@ TRIVIAL = "trivial answers"
 Tick = Callable[[], None]
 
 
-def model_tally(recording: Recording, model: str | Path, tick: Tick) -> Tally:
-    """Score a model on every slice of a recording whose truth is known; `tick` is called after each."""
-    estimates = run(recording.events, model=model, camera=recording.camera, imu="off")
-    total = Tally(counts={"recordings": 1})
-    for prediction, sample in labelled_estimates(recording, estimates):
-        total = total + _of_slice(prediction, sample)
+def tallies_of(recording: Recording, models: Mapping[str, str], tick: Tick) -> dict[str, Tally]:
+    """Score models on every slice of a recording whose truth is known, all of them side by side.
+
+    The truth of a slice is prepared once, which takes longer than scoring one of them.
+
+    Args:
+        recording: with truth.
+        models: by name; of the name `TRIVIAL` all trivial answers and the ceilings.
+        tick: called after each slice.
+    """
+    totals = {name: Tally(counts={"recordings": 1}) for name in models}
+    networks = {name: model for name, model in models.items() if name != TRIVIAL}
+    for said, sample in _predicted(recording, networks) if networks else _unpredicted(recording):
+        for name in models:
+            totals[name] = totals[name] + _of_slice(said.get(name), sample)
         tick()
-    return total
+    return totals
 
 
-def _of_slice(prediction: Prediction, sample: LabelledSlice | None) -> Tally:
+Predicted = tuple[dict[str, Prediction], LabelledSlice | None]
+"""What each model says of a slice, and its truth; no truth where none is known, or where the slice has no events."""
+
+
+def _predicted(recording: Recording, models: Mapping[str, str]) -> Iterator[Predicted]:
+    runs = [run(recording.events, model=model, camera=recording.camera, imu="off") for model in models.values()]
+    for (first, sample), *others in zip(labelled_estimates(recording, runs[0]), *runs[1:], strict=True):
+        said = dict(zip(models, (first, *map(prediction_of, others)), strict=True))
+        yield said, sample if first.has_events else None
+
+
+def _unpredicted(recording: Recording) -> Iterator[Predicted]:
+    """The very slices and pixels of which models would say something."""
+    labeller, valid, span = Labeller(recording), rectified(recording.camera).valid, span_of(recording.events)
+    for part, _ in labeller.slices(recording.events.start_us):
+        if span.first <= part.index < span.last:
+            yield {}, labeller.label(part, valid) if len(part.events) else None
+
+
+def _of_slice(prediction: Prediction | None, sample: LabelledSlice | None) -> Tally:
+    """The scores of one slice; of the trivial answers where there is no prediction."""
     if sample is None:
-        return Tally(counts={"slices without truth": 1})
-    if not prediction.has_events:
-        return Tally(counts={"slices without events": 1})
+        return Tally(counts={"slices without events or truth": 1})
+    if prediction is None:
+        return Tally(rows=dict(_trivial_rows(sample)), curves=_trivial_curves(sample), counts=counts_of(sample))
     frames: list[FrameScore] = []
     if prediction.moving is not None:
         true, called = sample.moving & sample.scored, prediction.moving & sample.scored
@@ -53,26 +81,6 @@ def _of_slice(prediction: Prediction, sample: LabelledSlice | None) -> Tally:
         counts=counts_of(sample),
         frames=frames,
     )
-
-
-def trivial_tally(recording: Recording, tick: Tick) -> Tally:
-    """Score the trivial answers and the ceilings on the very slices and pixels on which models are scored."""
-    labeller, valid, span = Labeller(recording), rectified(recording.camera).valid, span_of(recording.events)
-    total = Tally(counts={"recordings": 1})
-    for part, _ in labeller.slices(recording.events.start_us):
-        if not span.first <= part.index < span.last:
-            continue
-        sample = labeller.label(part, valid)
-        if sample is None:
-            total = total + Tally(counts={"slices without truth": 1})
-        elif not len(part.events):
-            total = total + Tally(counts={"slices without events": 1})
-        else:
-            total = total + Tally(
-                rows=dict(_trivial_rows(sample)), curves=_trivial_curves(sample), counts=counts_of(sample)
-            )
-        tick()
-    return total
 
 
 def _trivial_rows(sample: LabelledSlice) -> Iterator[tuple[str, Scores]]:
