@@ -18,6 +18,7 @@ SIMULATED = (
     "All of these numbers are measured on simulated recordings. They are not comparable with numbers that others have"
     " measured on the real EV-IMO, which stand under headings of their own."
 )
+BEST = "Bold is the best model, where it is better than every trivial answer."
 
 
 def as_markdown(result: Result) -> str:
@@ -25,7 +26,7 @@ def as_markdown(result: Result) -> str:
     lines = [f"# {result.title}", ""]
     lines += [SIMULATED, ""] if result.simulated else []
     for table in result.tables:
-        lines += [f"## Table {table.layout.key}. {table.layout.title}", "", table.layout.about, ""]
+        lines += [f"## Table {table.layout.key}. {table.layout.title}", "", f"{table.layout.about} {BEST}", ""]
         lines += _our_table(table)
         lines += [
             "",
@@ -49,7 +50,7 @@ def _our_table(table: ResultTable) -> Iterator[str]:
     yield table_line(["---", "---", *["---:"] * len(table.columns)])
     for block in table.blocks:
         for row in block.rows:
-            name = f"*{row.name}*" if row.kind != "model" else row.name
+            name = {"model": row.name, "trivial": f"*{row.name}*", "ceiling": f"*{row.name} (ceiling)*"}[row.kind]
             yield table_line([block.title, name, *(_marked(block, row, column) for column in table.columns)])
         yield table_line([block.title, "samples kept", *(f"{block.kept(column):,}" for column in table.columns)])
 
