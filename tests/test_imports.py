@@ -17,7 +17,7 @@ SRC = Path(__file__).parents[1] / "src" / "evimo"
 ROWS = [
     "errors",
     "compiling geometry samples writing",
-    "events",
+    "events jobs",
     "formats",
     "recordings",
     "scene model losses classical predictions",
@@ -32,7 +32,7 @@ HEIGHT = {room: height for height, row in enumerate(ROWS) for room in row.split(
 # without the extra.
 SIMULATING = ["scipy", "skimage", "trimesh"]
 EXTRAS = [
-    *(*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun"),
+    *(*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun", "distributed"),
     *("matplotlib", "jinja2"),
 ]
 ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "simulate"}
@@ -118,8 +118,8 @@ def test_what_is_imported_is_declared_and_the_other_way_round():
     names = {name.split(".")[0] for file in SRC.rglob("*.py") for name in imported(file)}
     used = spelled(home for name in names - {"evimo"} for home in homes.get(name, []))
     installed = spelled(home for found in homes.values() for home in found)  # some are for other Python versions
-    offered = [name for extra in ("train", "formats", "view", "simulate", "benchmark") for name in extras[extra]]
-    assert used - spelled([*base, *offered]) == set()
+    wanted = ("train", "formats", "view", "simulate", "cluster", "benchmark")
+    assert used - spelled([*base, *(each for extra in wanted for each in extras[extra])]) == set()
     assert (spelled(base) & installed) - used == set()
 
 

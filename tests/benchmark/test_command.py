@@ -179,7 +179,7 @@ def test_recordings_of_no_known_background_are_one_scene(runs, saved, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--minutes", "1"], "--minutes, --seed, --size and --workers are of simulated recordings"),
+        (["--minutes", "1"], "--minutes, --seed, --size, --workers and --dask are of simulated recordings"),
         (["--models", "unknown"], "no model 'unknown'"),
         (["--models", "half", "half"], "two models are called 'half'"),
         (["--empty-models"], "no model"),

@@ -12,6 +12,7 @@ from evimo.benchmark.tally import Tally
 from evimo.benchmark.texts import as_csv, as_json, as_markdown
 from evimo.benchmark.worst import WorstCase, worst_cases
 from evimo.errors import BadInput
+from evimo.jobs.crew import Crew
 from evimo.recordings.facts import own_version
 from evimo.writing import save_files
 
@@ -35,7 +36,7 @@ class Advance(Protocol):
 Progress = Callable[[float, str], AbstractContextManager[Advance]]
 
 
-def make_recordings(plan: "BenchmarkPlan", out: Path, *, workers: int, progress: Progress) -> Path:
+def make_recordings(plan: "BenchmarkPlan", out: Path, *, crew: Crew, progress: Progress) -> Path:
     """Make what is missing of the benchmark's recordings below `out`, and return their folder.
 
     Raises:
@@ -45,7 +46,7 @@ def make_recordings(plan: "BenchmarkPlan", out: Path, *, workers: int, progress:
 
     folder = out / RECORDINGS
     with progress(round(sum(sequence.seconds for sequence in plan.sequences), 3), "s of recording") as advance:
-        for sequence, made in simulate_benchmark_set(plan, folder, workers=workers):
+        for sequence, made in simulate_benchmark_set(plan, folder, crew=crew):
             advance(sequence.seconds, made=made, facts=sequence.path)
     return folder
 

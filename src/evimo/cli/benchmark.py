@@ -19,6 +19,7 @@ from evimo.cli.progress import progress
 from evimo.cli.simulate import SIMULATING, pixels_of
 from evimo.errors import BadInput, check_installed
 from evimo.evaluation.tables import header
+from evimo.jobs.crew import ALONE, Crew
 from evimo.writing import make_folder
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 SEED = 71_000_000
 """Of the first recording; training and choosing weights have had others."""
 MINUTES = 5.0
-SIMULATES = "--minutes, --seed, --size and --workers"
+SIMULATES = "--minutes, --seed, --size, --workers and --dask"
 WIDTH = 110
 
 
@@ -39,7 +40,7 @@ def benchmark(
     data: Path | None = None,
     seed: int | None = None,
     size: str | None = None,
-    workers: int | None = None,
+    crew: Annotated[Crew, Parameter(name="*")] = ALONE,
 ) -> None:
     """Repeat the paper's experiments: its tables II to IV, of every model, on recordings that know the truth.
 
@@ -54,17 +55,18 @@ def benchmark(
         data: folder with recordings that know the truth, to be scored instead of simulated ones.
         seed: of the first recording; the others follow.
         size: WxH in pixels, if not the camera's own 346x260.
-        workers: processes that simulate.
+        crew: who simulates.
     """
     check_installed("a benchmark", "matplotlib", "jinja2", extra="benchmark")
-    if data is not None and (minutes, seed, size, workers) != (None, None, None, None):
+    if data is not None and (minutes, seed, size, crew) != (None, None, None, ALONE):
         raise BadInput(f"{SIMULATES} are of simulated recordings, not of --data", fix="leave them or --data out")
+    crew.check()
     rivals = rivals_of(models)
     make_folder(out)
     folder, settings = data, {"recordings": str(data)}
     if folder is None:
         plan = _plan(MINUTES if minutes is None else minutes, SEED if seed is None else seed, size)
-        folder = running.make_recordings(plan, out, workers=1 if workers is None else workers, progress=progress)
+        folder = running.make_recordings(plan, out, crew=crew, progress=progress)
         settings = running.settings_of(plan)
     result = running.benchmark(folder, out, rivals=rivals, settings=settings, progress=progress)
     _show(result)

@@ -8,10 +8,11 @@ from math import inf
 from pathlib import Path
 
 from evimo.errors import BadFile, BadInput
+from evimo.jobs.crew import ALONE, Crew
+from evimo.jobs.finishing import finished
 from evimo.recordings.facts import own_version
 from evimo.simulate.dataset import DatasetPlan, write_recording
 from evimo.simulate.plan import SLICE_S, RecordingPlan
-from evimo.simulate.workers import check_workers, finished
 from evimo.writing import save_text
 
 INDEX = "benchmark_set.json"
@@ -113,18 +114,21 @@ class BenchmarkPlan:
         return {**plan, "sequences": [asdict(sequence) for sequence in self.sequences]}
 
 
-def simulate_benchmark_set(plan: BenchmarkPlan, out: Path, *, workers: int = 1) -> Iterator[tuple[TestSequence, bool]]:
+def simulate_benchmark_set(
+    plan: BenchmarkPlan, out: Path, *, crew: Crew = ALONE
+) -> Iterator[tuple[TestSequence, bool]]:
     """Write the index and the sequences that are missing; yield each when it is complete, and whether it was made now.
 
     Raises:
         BadInput: `out` holds a set of another plan. BadFile: it holds an index that is none.
     """
-    check_workers(workers)
     _write_index(plan, out)
     complete = [sequence for sequence in plan.sequences if (out / sequence.path).exists()]
     yield from ((sequence, False) for sequence in complete)
     missing = [sequence for sequence in plan.sequences if sequence not in complete]
-    yield from ((sequence, True) for sequence in finished(partial(_write_sequence, plan, out), missing, workers))
+    work = partial(_write_sequence, plan, out)
+    made = finished(work, missing, crew=crew, shared=out, name=lambda sequence: out / sequence.path)
+    yield from ((sequence, True) for sequence in made)
 
 
 def _write_sequence(plan: BenchmarkPlan, out: Path, sequence: TestSequence) -> TestSequence:
