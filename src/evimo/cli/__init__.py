@@ -23,6 +23,7 @@ COMMANDS = {
     "simulate": "Make recordings with exact truth.",
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",
+    "benchmark": "Repeat the paper's experiments, and write their tables and a page.",
     "realism": "Compare simulated events with real ones.",
 }
 

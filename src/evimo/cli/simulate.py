@@ -31,7 +31,7 @@ def simulate(
     size: str | None = None,
     seconds: float = 1.0,
     camera: Literal["random", "evimo"] | None = None,
-    population: Literal["stress", "replica"] = "stress",
+    population: Literal["stress", "replica", "planar"] = "stress",
     part: Literal["train", "test"] | None = None,
     layout: Literal["evimo2", "evimo1"] = "evimo2",
     events: Literal["aedat4", "raw"] | None = None,
@@ -57,8 +57,10 @@ def simulate(
         sensor: size, thresholds and noise of this event camera.
         size: WxH in pixels, if not the sensor's own.
         seconds: of each recording; whole slices of 0.025 s.
-        camera: random lenses, or EV-IMO's own scaled to the size, which is what the population replica has by default.
-        population: of scenes; stress is harder than what people film, replica is toys played with, as in EV-IMO.
+        camera: random lenses, or EV-IMO's own scaled to the size, which the populations replica and planar have by
+            default.
+        population: of scenes; stress is harder than what people film, replica is toys played with, as in EV-IMO, planar
+            is one wall and nothing that moves, before a camera that neither rolls nor pitches.
         part: train or test; textures, and shapes or some kinds of toys, of one are never in the other.
         layout: of EVIMO2, a folder, which is what the other commands take, or of EV-IMO's first version, an .npz.
         events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
@@ -75,7 +77,7 @@ def simulate(
 
     check_device(device)
     crew.check()
-    own, pixels = OwnFolders(texture_dir, mesh_dir), _size(size)
+    own, pixels = OwnFolders(texture_dir, mesh_dir), pixels_of(size)
     if replica:
         given = (set, sensor, seconds, camera, layout, events, population, part)
         if given != ("all", "davis346", 1.0, None, "evimo2", None, "stress", None):
@@ -136,7 +138,12 @@ def _set_number(text: str) -> int:
     return 1 if text == "all" else int(text)
 
 
-def _size(text: str | None) -> tuple[int, int] | None:
+def pixels_of(text: str | None) -> tuple[int, int] | None:
+    """Height and width of a text such as 346x260.
+
+    Raises:
+        BadInput: it is none.
+    """
     if text is None:
         return None
     match = re.fullmatch(r"(\d+)x(\d+)", text)
