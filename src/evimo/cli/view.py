@@ -99,7 +99,8 @@ def _prepared(
     path: Path, reading: Reading, *, span_s: tuple[float, float | None], picture: bool
 ) -> tuple["EventFile", "Span", Drawer]:
     """The events, the slices to show and how to draw one; everything checked that can be before it starts."""
-    from evimo.recordings.recording import knows_truth, open_recording
+    from evimo.recordings.layouts import knows_truth
+    from evimo.recordings.recording import open_recording
     from evimo.streaming.span import span_of
 
     if knows_truth(path):

@@ -64,6 +64,7 @@ def exact_poses(frames: PoseTrack, trajectory: PoseTrack) -> Arrays:
         "world_from_cam": frames.world_from_cam,
         "cam_from_object": frames.cam_from_object,
         "trajectory_us": trajectory.times_us,
+        "trajectory_object_ids": trajectory.object_ids,
         "trajectory_world_from_cam": trajectory.world_from_cam,
         "trajectory_cam_from_object": trajectory.cam_from_object,
     }
