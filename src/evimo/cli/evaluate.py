@@ -22,23 +22,26 @@ def evaluate(
     *paths: Path,
     truth: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     model: str | None = None,
+    split: str = "",
     out: Path | None = None,
     imu: Literal["auto", "off"] | None = None,
     within_ms: float | None = None,
     density_threshold: float = DENSITY_THRESHOLD,
 ) -> None:
-    """Score a model on simulated recordings, or the predictions of any program, beside the trivial answers.
+    """Score a model on recordings with truth, or the predictions of any program, beside the trivial answers.
 
     evimo evaluate RECORDING... --model small
     evimo evaluate PREDICTIONS --truth RECORDING...
 
     Args:
-        paths: recordings, folders or .npz files, or folders that hold them. With --truth, the predictions: estimates.h5
+        paths: recordings with truth, or folders that hold them: EV-IMO and EVIMO2 in any of their layouts, and what
+            `evimo simulate` or `evimo convert` makes. With --truth, the predictions: estimates.h5
             or the folder of a run, a folder of PNG masks, an npz with masks or ids and times, or labels of events as
             CSV or npz; for several recordings, a folder with one of these for each, named like it.
         truth: recordings that the predictions are of.
         model: a preset, the path of an ONNX file, or `classical`, the training-free method; small unless told
             otherwise.
+        split: only recordings of the test part of a published split, such as `paper2019` or `evimo2-imo`.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
         imu: off, unless told otherwise, scores events alone; auto takes the camera's rotation from the recordings'
@@ -49,6 +52,8 @@ def evaluate(
     if out is not None:
         make_folder(out)
     if truth:
+        if split:
+            raise BadInput("--split chooses recordings to run a model on", fix="give those of --truth themselves")
         if model is not None or imu is not None:
             raise BadInput("--model and --imu run a model; --truth scores predictions", fix="leave them or --truth out")
         report = _of_predictions(paths, truth, within_ms=within_ms, density_threshold=density_threshold)
@@ -59,6 +64,7 @@ def evaluate(
             paths,
             model=model or "small",
             out=out,
+            split=split,
             imu=imu or "off",
             density_threshold=density_threshold,
             progress=progress,

@@ -14,7 +14,7 @@ OwnLayout = Literal["folder", "archive", "hdf5"]
 Layout = OwnLayout | DatasetLayout | Literal["EV-IMO bag"]
 
 OWN_FILES = ("dataset_sim.npz", "dataset_clutter.npz", "dataset_info.json")  # only our own folders have them
-MARKS = ("dataset_info.json", "dataset_info.npz", "meta.txt")
+MARKS = ("dataset_info.json", "dataset_sim.npz", "dataset_info.npz", "meta.txt")
 """Files by which the folder of a recording is found."""
 SUFFIXES = (".npz", ".h5", ".hdf5")
 """Of recordings that are one file, and are looked for in folders; bags hold no maps and are opened by name only."""

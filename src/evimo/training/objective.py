@@ -78,9 +78,9 @@ def terms(prediction: Prediction, batch: Batch, mean_depth: Tensor, recipe: Reci
         "twist": lambda: _twist(prediction, batch, mean_depth.flatten()),
         "velocity": lambda: _velocity(prediction, batch, mean_depth),
         "direction": lambda: _direction(prediction, batch),
-        "mask_one_sided": lambda: one_sided_mask_loss(prediction.mixture[:, :1], batch.moving, _known(batch)),
+        "mask_one_sided": lambda: one_sided_mask_loss(prediction.mixture[:, :1], batch.moving, batch.valid > 0),
         "mask": lambda: _mask(prediction, batch, recipe.moving_share),
-        "dice": lambda: _spread(dice_loss(prediction.mixture[:, :1], batch.moving, _known(batch)), prediction),
+        "dice": lambda: _spread(dice_loss(prediction.mixture[:, :1], batch.moving, batch.valid > 0), prediction),
         "mask_smoothness": lambda: mixture_smoothness(prediction.mixture),
         "depth": lambda: depth_loss(prediction.rel_depth, batch.depth / mean_depth, _known(batch)),
         "depth_smoothness": lambda: depth_smoothness(prediction.rel_depth),
@@ -149,7 +149,9 @@ def taken_out(batch: Batch, first: FirstAnswer) -> Compensation:
 
 
 def _known(batch: Batch) -> Tensor:
-    """Where the truth is known; it may not be in a pixel at the border, of which the lens sees a part alone."""
+    """Where depth and flow are known: not in a pixel at the border, of which the lens sees a part alone, and not in
+    front of a background that a dataset has no depth of. What moves is known there too.
+    """
     return (batch.valid > 0) & batch.depth_valid
 
 
@@ -196,7 +198,7 @@ def _direction(prediction: Prediction, batch: Batch) -> Tensor:
 
 
 def _mask(prediction: Prediction, batch: Batch, moving_share: float) -> Tensor:
-    known = _known(batch)
+    known = batch.valid > 0
     weight = balance(batch.moving, known, moving_share=moving_share)
     return mask_loss(prediction.mixture[:, :1], batch.moving, known) * weight
 
