@@ -77,7 +77,10 @@ def _entries(track: PoseTrack) -> list[dict[str, Any]]:
     for k, t_us in enumerate(track.times_us.tolist()):
         time_s = round(t_us * 1e-6, 6)
         mine = words[k * len(names) : (k + 1) * len(names)]
-        bodies = {name: {"pos": pose, "ts": time_s} for name, pose in zip(names, mine, strict=True)}
+        known = np.isfinite(poses[k]).all(axis=(1, 2)).tolist()  # where a lost object is, is not said
+        bodies = {
+            name: {"pos": pose, "ts": time_s} for name, pose, there in zip(names, mine, known, strict=True) if there
+        }
         entries.append({"ts": time_s, **bodies})
     return entries
 

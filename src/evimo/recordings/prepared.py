@@ -125,6 +125,8 @@ def _stored_slices(recording: Recording) -> Iterator[tuple[Slice, Truth | None]]
     first_us = int(recording.times_us[0]) // SLICE_US * SLICE_US
     stop_us = int(recording.times_us[-1]) + SLICE_US // 2
     for part in in_slices(recording.events.packets(first_us), SLICE_US, start_us=first_us, stop_us=stop_us):
+        if part.start_us >= stop_us:
+            break
         yield part, recording.truth_at(part.centre_us)
 
 

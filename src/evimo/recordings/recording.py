@@ -1,6 +1,7 @@
 """A recording with truth: events, camera, and what really happened at the centre of each slice."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -184,8 +185,11 @@ def _own(path: Path) -> Recording:
     information = facts_of(path)
     parts = own_parts(path)
     motions = parts.motions(MOTIONS)
+    with suppress(BadFile):  # where speed alone tells what moves, there is none
+        motions |= parts.motions(("moving",))
     frames, bodies = len(motions["times_us"]), len(motions["object_ids"])
     shapes = {"ego": (frames, 6)} | dict.fromkeys(("positions", "velocities", "rotations"), (frames, bodies, 3))
+    shapes |= {"moving": (frames, bodies)} if "moving" in motions else {}
     if any(motions[name].shape != shape for name, shape in shapes.items()):
         raise BadFile(f"exact motions (sim) of {path} do not fit together", fix=DAMAGED)
     try:
