@@ -17,7 +17,7 @@ from evimo.recordings.recording import Recording
 from evimo.recordings.writer import RecordingWriter
 
 Target = Literal["evimo1", "evimo2", "hdf5"]
-WRITERS = {"evimo1": Evimo1Writer, "evimo2": RecordingWriter, "hdf5": Hdf5Writer}
+WRITERS: dict[Target, Callable[..., Any]] = {"evimo1": Evimo1Writer, "evimo2": RecordingWriter, "hdf5": Hdf5Writer}
 SUFFIXES = {"evimo1": ".npz", "evimo2": "", "hdf5": ".h5"}
 
 
@@ -45,7 +45,7 @@ def convert_recording(
     facts = {key: value for key, value in facts.items() if key not in ("camera", "format")}
     if poses is None and layout == "evimo1":
         raise BadInput(f"{recording.path} holds no poses, which the layout evimo1 needs", fix="evimo2 or hdf5")
-    writer: Any = WRITERS[layout](path, recording.camera, poses=poses, facts=facts, imu=recording.imu)
+    writer = WRITERS[layout](path, recording.camera, poses=poses, facts=facts, imu=recording.imu)
     with writer:
         for k, (events, ids) in enumerate(_pieces(recording)):
             writer.write(events, recording.truth(k), clutter_bodies=recording.clutter_bodies(k), event_ids=ids)
