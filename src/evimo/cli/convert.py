@@ -37,7 +37,8 @@ def convert(*paths: Path, layout: Literal["evimo1", "evimo2", "hdf5"] = "evimo2"
             recording = open_recording(path)
             size = max(1, len(recording))
             convert_recording(recording, targets[path], layout, progress=lambda share=1 / size: advance(share))
-    print(f"{len(missing)} of {len(found)} recordings written in {out}; the others were there")
+    there = f"; {len(found) - len(missing)} were there" if len(missing) < len(found) else ""
+    print(f"{len(missing)} of {len(found)} recordings written in {out}{there}")
 
 
 def _part(found: list[Path], split: str, part: Literal["train", "test"]) -> list[Path]:
