@@ -1,6 +1,5 @@
 """Which layout a recording with truth is in: those of EV-IMO and EVIMO2, and those that this package writes."""
 
-import zipfile
 from pathlib import Path
 from typing import Literal
 
@@ -61,11 +60,3 @@ def knows_truth(path: Path) -> bool:
         BadFile: an .npz file in which nothing can be found.
     """
     return found_layout(path) not in (None, "EV-IMO bag")
-
-
-def looks_like_recording(path: Path) -> bool:
-    """The same for a file in a folder full of others: one that is no archive at all is passed over."""
-    try:
-        return knows_truth(path)
-    except (BadFile, zipfile.BadZipFile):
-        return False

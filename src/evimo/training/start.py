@@ -137,7 +137,7 @@ def opened(data: list[Path], progress: Callable[[int, int], None]) -> list[Prepa
     Raises:
         NotFound: a folder holds none. BadFile: one is damaged.
     """
-    folders = recordings_in(data)
+    folders = recordings_in(data) if data else []
     _allow_open_files(len(folders) * (len(NAMES) + len(EVENT_NAMES)))
     recordings: list[Prepared] = []
     for done, folder in enumerate(folders):
