@@ -4,6 +4,7 @@ Written as the datasets' own programs write them: by NumPy with pickling, from t
 """
 
 import struct
+from functools import cache
 
 import cv2
 import numpy as np
@@ -56,11 +57,13 @@ def v2_meta(times_us=TIMES_US, camera=CAMERA):
     return {"meta": numbers, "frames": frames, "full_trajectory": trajectory, "imu": {"/imu": []}}
 
 
-def maps(times_us=TIMES_US, ids=(1, 2, 3)):
-    truths = [truth(t, ids) for t in times_us]
+@cache
+def maps(ids=(1, 2, 3)):
+    truths = [truth(t, ids) for t in TIMES_US]
     return np.stack([each.depth for each in truths]) * 1000, np.stack([each.ids for each in truths])
 
 
+@cache
 def all_events():
     return events(0, STOP_US, number=20_000)
 

@@ -123,7 +123,7 @@ class _Machine:
             case "dtype", (str() as code, *_):
                 return self._dtype(code)
             case "buffer", (bytes() | bytearray() as raw, np.dtype() as kind, tuple() as shape, str() as order):
-                return self._values(0, shape, kind, order == "F", raw)  # type: ignore[reportUnknownArgumentType]
+                return self._values((0, shape, kind, order == "F", raw))  # type: ignore[reportUnknownArgumentType]
             case "scalar", (np.dtype() as kind, bytes() as raw) if not kind.hasobject:
                 return np.frombuffer(raw, kind, 1)[0].item()
             case "encode", (str() as text, "latin1" | "latin-1"):
@@ -145,7 +145,7 @@ class _Machine:
         """Give an array or a dtype its state."""
         state, target = self.pop(), self.stack[-1]
         if isinstance(target, _Array):
-            target.values = self._values(*state)
+            target.values = self._values(state)
         elif isinstance(target, np.dtype) and isinstance(state, tuple):
             if len(state) < 2 or state[1] not in ("<", "|", "=", ">") or any(state[2:5]):
                 raise self.refused("an unusual type of array")
@@ -157,7 +157,9 @@ class _Machine:
         else:
             raise self.refused("the state of an object")
 
-    def _values(self, _: int, shape: tuple[int, ...], kind: np.dtype[Any], fortran: bool, content: Any) -> Any:
+    def _values(self, state: tuple[Any, ...]) -> Any:
+        """The values of an array from its version, shape, type, order and content."""
+        _, shape, kind, fortran, content = state
         if kind.hasobject:
             flat = [_finished(value) for value in content]
             if math.prod(shape) != len(flat):
