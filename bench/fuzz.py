@@ -31,7 +31,8 @@ from rich.progress import Progress
 from evimo.errors import EvimoError
 from evimo.formats import open_events
 from evimo.geometry.calibration import load_camera
-from evimo.recordings.recording import knows_truth, open_recording
+from evimo.recordings.layouts import knows_truth
+from evimo.recordings.recording import open_recording
 
 LONGEST_S = 10.0
 MOST_BYTES = 200_000_000

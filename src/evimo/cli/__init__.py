@@ -19,6 +19,9 @@ from evimo.errors import BadInput, EvimoWarning
 COMMANDS = {
     "run": "Find moving objects, depth and motion in a recording.",
     "info": "Say what is in a recording.",
+    "check": "Look for defects in a recording.",
+    "convert": "Write recordings with truth in another layout.",
+    "download": "Fetch EV-IMO, and go on where it stopped.",
     "view": "Show a recording as a video, with its truth where that is known.",
     "simulate": "Make recordings with exact truth.",
     "train": "Train a model on recordings with truth.",

@@ -14,7 +14,7 @@ from evimo.events.events import Events
 from evimo.formats.columns import check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive, array_header
-from evimo.formats.sensors import assumed_sensor, whole_pixels
+from evimo.formats.sensors import assumed_sensor, on_sign, whole_pixels
 from evimo.formats.stored_gyroscope import folder_gyroscope
 from evimo.formats.stored_times import StoredTimes
 from evimo.formats.survey import no_events_in
@@ -50,8 +50,10 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
         said=time_unit,
     )
 
+    on = on_sign(folder)
+
     def read(start_us: int) -> Iterator[Events]:
-        return (_part(arrays, times, at) for at in range(times.place(start_us), len(t), PACKET_EVENTS))
+        return (_part(arrays, times, at, on) for at in range(times.place(start_us), len(t), PACKET_EVENTS))
 
     return EventFile(
         path=folder,
@@ -66,12 +68,11 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
     )
 
 
-def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int) -> Events:
+def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int, on: int) -> Events:
     part = slice(first, first + PACKET_EVENTS)
     xy = arrays["xy"][part]
-    return Events(
-        whole_pixels(xy[:, 0]), whole_pixels(xy[:, 1]), times.in_us(arrays["t"][part]), signs(arrays["p"][part])
-    )
+    p = np.int8(on) * signs(arrays["p"][part])
+    return Events(whole_pixels(xy[:, 0]), whole_pixels(xy[:, 1]), times.in_us(arrays["t"][part]), p)
 
 
 def _arrays(folder: Path) -> dict[str, NDArray[Any]]:

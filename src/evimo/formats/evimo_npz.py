@@ -16,7 +16,7 @@ from evimo.formats.columns import check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive
 from evimo.formats.npz_rows import NpzRows
-from evimo.formats.sensors import assumed_sensor, fitting_sensor, whole_pixels
+from evimo.formats.sensors import assumed_sensor, fitting_sensor, on_sign, whole_pixels
 from evimo.formats.stored_gyroscope import simulated_gyroscope
 from evimo.formats.survey import no_events_in, surveyed
 from evimo.formats.time_units import NAMES, Times, TimeUnit, as_us, check_span, found_unit, repeat_of, step_of
@@ -49,9 +49,11 @@ def open_evimo_npz(
     if time_unit is None:
         check_span(path, events=survey.events, span_us=survey.stop_us - survey.start_us, unit=unit)
     size = sensor or _map_size(archive) or assumed_sensor(path, survey.extent)
+    sign = np.int8(on_sign(path))
 
     def read(start_us: int) -> Iterator[Events]:
-        return (events for _, events in _blocks(rows, unit, survey.place(start_us)))
+        blocks = _blocks(rows, unit, survey.place(start_us))
+        return (Events(each.x, each.y, each.t, sign * each.p) for _, each in blocks)
 
     return EventFile(
         path=path,
@@ -137,20 +139,13 @@ def _own_camera(archive: Archive, size: tuple[int, int]) -> Camera:
 def _contents(archive: Archive) -> dict[str, str]:
     contents: dict[str, str] = {}
     for name, words in (("depth", "depth maps"), ("mask", "masks"), ("classical", "frames")):
-        if name in archive.names:
+        if name in archive.names and not archive.is_pickled(name):  # a camera without frames holds a pickled None
             contents[words] = str(archive.header(name).shape[0])
     if "meta" in archive.names:
-        contents["meta"] = "poses, as text" if _is_text(archive, "meta") else "poses, pickled: not opened"
+        contents["meta"] = "poses, pickled: not opened" if archive.is_pickled("meta") else "poses, as text"
     if FACTS in archive.names:
         contents["truth"] = "exact motion of a simulation"
     for name, words, of in (("sim_event_ids", "object ids", "of {:,} events"), ("sim_imu_t_us", "IMU", "{:,} samples")):
         if name in archive.names:
             contents[words] = of.format(archive.header(name).shape[0])
     return contents
-
-
-def _is_text(archive: Archive, name: str) -> bool:
-    try:
-        return archive.header(name).dtype.kind == "U"
-    except BadFile:
-        return False
