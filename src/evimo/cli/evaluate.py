@@ -38,7 +38,7 @@ def evaluate(
             CSV or npz; for several recordings, a folder with one of these for each, named like it.
         truth: recordings that the predictions are of.
         model: a preset, the path of an ONNX file, or `classical`, the training-free method; small unless told
-            otherwise.
+            otherwise. What a model does not estimate, such as masks by ecn, is a dash.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
         imu: off, unless told otherwise, scores events alone; auto takes the camera's rotation from the recordings'

@@ -41,9 +41,10 @@ def train(
     """Train on simulated recordings; the same command again goes on where it stopped.
 
     Leaves `model.safetensors` (averaged weights with their configuration), `model.onnx` with `model.first.onnx` (to
-    run; of ecn, which looks once, the former alone), `log.csv`, `validation.csv` and curves for TensorBoard in the output folder. Each recording is brought into
-    its rectified image once, in a folder inside it. Several processes, each with its share of every batch, on one
-    machine or several that see the same folders: `torchrun --nproc-per-node N -m evimo train ...`.
+    run; ecn, which looks once, has the former alone), `log.csv`, `validation.csv` and curves for TensorBoard in the
+    output folder. Each recording is brought into its rectified image once, in a folder inside it. Several processes,
+    each with its share of every batch, on one machine or several that see the same folders: `torchrun
+    --nproc-per-node N -m evimo train ...`.
 
     Args:
         data: folders of recordings made by `evimo simulate`.
@@ -111,7 +112,9 @@ def _train(
             trainer.run(report)
     if not trainer.team.rank:
         export(trainer.averaged(), workplace.out / "model.onnx")
-        made = (name for name in ("model.safetensors", "model.onnx", "model.first.onnx") if (workplace.out / name).exists())
+        made = (
+            name for name in ("model.safetensors", "model.onnx", "model.first.onnx") if (workplace.out / name).exists()
+        )
         print(f"saved in {workplace.out}: {', '.join(made)}")
 
 

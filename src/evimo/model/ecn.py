@@ -81,7 +81,10 @@ class Ecn(nn.Module):
 def _answer(log_depth: Tensor, ego: Tensor, valid: Tensor, intrinsics: Tensor, step: int) -> FirstAnswer:
     """What is said at one scale, of `step` px of the rectified image per pixel."""
     here = reduced(valid, step * 2 // FIRST_STEP)
-    depth = mean_one(torch.exp(3 * torch.tanh(log_depth / 3)), here)  # within a factor of 20 of the mean, as ours
+    total = (log_depth * here).sum((1, 2, 3), keepdim=True)
+    # Warping does not ask for the mean: left free, it drifts until the bound has flattened all depths.
+    relief = log_depth - total / (here.sum((1, 2, 3), keepdim=True) + 1e-6)
+    depth = mean_one(torch.exp(3 * torch.tanh(relief / 3)), here)  # within a factor of 20 of the mean, as ours
     grid = normalised_grid(resized_intrinsics(intrinsics, (step, step), (1, 1)), depth)
     flow = Geometry(1 / depth, grid, intrinsics[:, :2, None, None]).rigid_flow(ego)
     return FirstAnswer(depth, ego, flow, here)

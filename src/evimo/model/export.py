@@ -113,7 +113,9 @@ def export(model: Model, path: Path) -> None:
     _write(Second(model), second, (SECOND_INPUTS, SECOND_OUTPUTS), path)
 
 
-def _write(part: First | Second | Only, example: tuple[Tensor, ...], names: tuple[tuple[str, ...], ...], path: Path) -> None:
+def _write(
+    part: First | Second | Only, example: tuple[Tensor, ...], names: tuple[tuple[str, ...], ...], path: Path
+) -> None:
     """Trace, fold, halve, check, write."""
     inputs, outputs = names
     free = {

@@ -132,9 +132,7 @@ def looked_once(model: Ecn, batch: Batch) -> list[Prediction]:
     """What the network that looks once says of a batch, from the coarsest to the finest scale."""
     answers, _ = model(batch.voxels, batch.valid, batch.intrinsics)
     steps = [FIRST_STEP * 2**k for k in reversed(range(len(answers)))]
-    return [
-        as_prediction(answer, batch.intrinsics, step=step) for answer, step in zip(answers, steps, strict=True)
-    ]
+    return [as_prediction(answer, batch.intrinsics, step=step) for answer, step in zip(answers, steps, strict=True)]
 
 
 def objective(model: Model, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[str, Tensor]]:
@@ -162,9 +160,7 @@ def objective(model: Model, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[
 def looked_again(model: MotionNet, batch: Batch, first: FirstAnswer) -> list[Prediction]:
     """What the second pass says of a batch, from the coarsest to the finest scale."""
     taken = taken_out(batch, first)
-    return model.second(
-        batch.sharp_voxels, batch.sharp_fits, batch.valid, taken, batch.intrinsics, batch.rotation
-    )
+    return model.second(batch.sharp_voxels, batch.sharp_fits, batch.valid, taken, batch.intrinsics, batch.rotation)
 
 
 def taken_out(batch: Batch, first: FirstAnswer) -> Compensation:
@@ -236,7 +232,8 @@ def slice_counts(counts: Tensor) -> Tensor:
 
 def _coarse_warp(flow: Tensor, prediction: Prediction, batch: Batch) -> Tensor:
     elapsed_s = (torch.arange(SLICES, device=flow.device) - SLICES // 2) / SLICES_PER_S
-    return coarse_warp_loss(slice_counts(batch.voxels), _px_per_s(flow, prediction), batch.valid > 0, elapsed_s=elapsed_s)
+    counts, flow_px = slice_counts(batch.voxels), _px_per_s(flow, prediction)
+    return coarse_warp_loss(counts, flow_px, batch.valid > 0, elapsed_s=elapsed_s)
 
 
 def _fine_warp(flow: Tensor, prediction: Prediction, batch: Batch) -> Tensor:
