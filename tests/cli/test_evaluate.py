@@ -206,7 +206,7 @@ def test_a_model_that_is_not_there_is_one_error(recordings, capsys):
 def test_the_classical_method_is_named_by_its_parameters_and_needs_no_weights(
     recordings, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr("evimo.streaming.inference.presets", dict)
+    monkeypatch.setattr("evimo.streaming.graphs.presets", dict)
     out = tmp_path / "out"
     assert main(["evaluate", str(recordings), "--model", "classical", "--out", str(out)]) == 0
     report = load_report(out / "report.json")

@@ -25,7 +25,7 @@ def warnings_in(errors: str) -> list[str]:
 
 
 def test_the_classical_method_leaves_the_same_files_without_weights(recording, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("evimo.streaming.inference.presets", dict)
+    monkeypatch.setattr("evimo.streaming.graphs.presets", dict)
     out = tmp_path / "out"
     asked = ["--model", "classical", "--sensor", "32x24", "--event-labels", "--out", str(out)]
     assert main(["run", str(recording), *asked]) == 0
