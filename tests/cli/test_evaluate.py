@@ -215,3 +215,15 @@ def test_the_classical_method_is_named_by_its_parameters_and_needs_no_weights(
     assert "threshold" in str(report.settings["model parameters"])
     assert not any("sha256" in key for key in report.settings)
     assert "classical" in (out / "report.md").read_text()
+
+
+def test_what_the_rival_does_not_estimate_is_a_dash(recordings, tmp_path, capsys):
+    """From a run, and from the files that a run leaves."""
+    out = tmp_path / "out"
+    assert main(["evaluate", str(recordings), "--model", "ecn", "--out", str(out)]) == 0
+    report = load_report(out / "report.json")
+    assert report.value("model", "iou") is report.value("model", "object_aee") is None
+    assert report.value("model", "abs_rel") > 0 and report.value("model", "camera_rre") > 0
+    lines = (out / "report.md").read_text().splitlines()
+    overview = next(line for line in lines if line.startswith("| model |"))
+    assert overview.split("|")[2:4] == [" – ", " – "]
