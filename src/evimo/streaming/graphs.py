@@ -33,8 +33,6 @@ class Graph:
     """One opened file.
 
     name:   of the model, as the user gave it. path, content: of the file.
-    config: what the model was trained as.
-    stride: sides of the rectified image are padded to multiples of it.
     inputs: the names of what it wants.
     """
 
@@ -48,14 +46,17 @@ class Graph:
         self._session = _session(path, self.content, threads)
         self.inputs = {node.name for node in self._session.get_inputs()}
 
-    def check(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
+    def checked(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[dict[str, Any], int]:
         """Make sure that it is one of ours, and of that kind.
+
+        Returns:
+            what the model was trained as, and the stride: sides of the rectified image are padded to multiples of it.
 
         Raises:
             BadFile: it lacks one of these, or wants more, or does not tell its configuration.
         """
         _check_names(self.path, self._session, (inputs, outputs))
-        self.config, self.stride = _facts(self.path, self._session)
+        return _facts(self.path, self._session)
 
     def run(self, outputs: tuple[str, ...], feeds: dict[str, F4]) -> list[F4]:
         """What it says of one sample, without the batch axis; feeds have none either."""

@@ -2,7 +2,7 @@
 
 import hashlib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,6 @@ class Network:
     """
 
     finds_objects = True
-    config: dict[str, Any]
 
     def __init__(self, model: str | Path | Graph, *, workers: int | None = None, threads: int = 1) -> None:
         """Load a preset by name, or an ONNX file by path; the first pass lies beside it as `<stem>.first.onnx`.
@@ -104,9 +103,8 @@ class Network:
             BadFile: not an ONNX model, or not one of ours.
         """
         self._second = model if isinstance(model, Graph) else open_graph(model, threads=threads)
-        self._second.check(SECOND_INPUTS, SECOND_OUTPUTS)
-        self.name, self.config, self.stride = self._second.name, self._second.config, self._second.stride
-        self.workers = workers_here(workers)
+        self.config, self.stride = self._second.checked(SECOND_INPUTS, SECOND_OUTPUTS)
+        self.name, self.workers = self._second.name, workers_here(workers)
         path = self._second.path
         beside = path.with_name(f"{path.stem}{FIRST_PASS}")
         if not beside.is_file():
@@ -114,8 +112,7 @@ class Network:
                 f"{path} has no first pass beside it", fix=f"keep {beside.name} of the same training run in its folder"
             )
         self._first = Graph(beside, name=self.name, threads=threads)
-        self._first.check(FIRST_INPUTS, FIRST_OUTPUTS)
-        if (self._first.config, self._first.stride) != (self.config, self.stride):
+        if self._first.checked(FIRST_INPUTS, FIRST_OUTPUTS) != (self.config, self.stride):
             raise BadFile(f"{beside} is the first pass of another model", fix="both files of the same training run")
         self.sha256 = hashlib.sha256(self._second.content + self._first.content).hexdigest()
 

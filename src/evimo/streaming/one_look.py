@@ -5,7 +5,6 @@ It knows the camera's motion and the depth of what it sees, and nothing of what 
 
 import hashlib
 from collections.abc import Callable, Generator
-from typing import Any
 
 import numpy as np
 
@@ -36,9 +35,8 @@ class OneLookNetwork:
 
     def __init__(self, graph: Graph, *, workers: int | None = None) -> None:
         """Raises BadFile where the opened file is not one of ours."""
-        graph.check(ONLY_INPUTS, ONLY_OUTPUTS)
-        self.name, self.stride, self.workers = graph.name, graph.stride, workers_here(workers)
-        self.config: dict[str, Any] = graph.config
+        self.config, self.stride = graph.checked(ONLY_INPUTS, ONLY_OUTPUTS)
+        self.name, self.workers = graph.name, workers_here(workers)
         self.sha256 = hashlib.sha256(graph.content).hexdigest()
         self._graph = graph
 
