@@ -240,7 +240,7 @@ def test_what_is_taken_out_is_the_flow_of_the_static_world(batch):
     assert torch.equal(taken.ego, batch.taken_ego)
 
 
-@pytest.mark.parametrize("name", RECIPES)
+@pytest.mark.parametrize("name", ["paper", "shipped"])
 def test_every_parameter_is_reached(name, samples, tiny, small_crops):
     """Also by the paper's losses: flow and twist are supervised by warping, through the fits, in both passes."""
     model = tiny().train()
@@ -274,7 +274,7 @@ def test_the_fine_warp_wants_events(batch, tiny):
         objective(tiny(), batch, PAPER)
 
 
-@pytest.mark.parametrize("name", RECIPES)
+@pytest.mark.parametrize("name", ["paper", "shipped"])
 def test_the_loss_of_a_batch_is_the_mean_of_its_samples(name, samples, tiny, small_crops):
     """So that processes may share a batch: neither the network nor a loss mixes samples, nor weighs them."""
     model, rng = tiny().train(), np.random.default_rng(4)

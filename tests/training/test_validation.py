@@ -7,6 +7,7 @@ import torch
 from evimo.geometry.camera import Camera
 from evimo.geometry.grids import resized_intrinsics
 from evimo.geometry.rectification import rectified
+from evimo.model.backbone import enlarged
 from evimo.model.motion_net import Prediction
 from evimo.streaming.looks import Looks
 from evimo.streaming.rotation import UNKNOWN
@@ -36,7 +37,8 @@ def perfect(world, middle, *, mixture=None):
         flow = padded(world.flow[middle])
         scale = resized_intrinsics(intrinsics, (2, 2), (1, 1))
         rel_depth, still = padded(depth[None]) / mean, torch.zeros(1, 1, 3)
-        return [Prediction(rel_depth, ego, still, shares, flow, flow, valid, scale, valid)]
+        out = enlarged(taken.rigid, 2) / intrinsics[:, :2, None, None] * 40
+        return [Prediction(rel_depth, ego, still, shares, flow, out, valid, scale, valid)]
 
     return second
 
