@@ -149,7 +149,7 @@ def _write(
 
 def folded(traced: Path) -> onnx.ModelProto:
     """The graph with constants folded and dead ends cut: half as many nodes, and quick to load."""
-    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # as streaming.inference
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # as streaming.graphs
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
