@@ -205,7 +205,7 @@ def test_a_model_that_is_not_there_is_one_error(recordings, capsys):
 def test_the_classical_method_is_named_by_its_parameters_and_needs_no_weights(
     recordings, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr("evimo.streaming.inference.presets", dict)
+    monkeypatch.setattr("evimo.streaming.graphs.presets", dict)
     out = tmp_path / "out"
     assert main(["evaluate", str(recordings), "--model", "classical", "--out", str(out)]) == 0
     report = load_report(out / "report.json")
@@ -216,12 +216,29 @@ def test_the_classical_method_is_named_by_its_parameters_and_needs_no_weights(
     assert "classical" in (out / "report.md").read_text()
 
 
+def test_what_the_rival_does_not_estimate_is_a_dash(recordings, tmp_path, capsys):
+    """From a run, and from the files that a run leaves."""
+    out = tmp_path / "out"
+    assert main(["evaluate", str(recordings), "--model", "ecn", "--out", str(out)]) == 0
+    report = load_report(out / "report.json")
+    assert report.value("model", "iou") is report.value("model", "object_aee") is None
+    assert report.value("model", "abs_rel") > 0 and report.value("model", "camera_rre") > 0
+    lines = (out / "report.md").read_text().splitlines()
+    overview = next(line for line in lines if line.startswith("| model |"))
+    assert overview.split("|")[2:4] == [" – ", " – "]
+
+
 def test_an_event_file_is_checked_without_truth(fake_network, recording, tmp_path, capsys):
     command = ["evaluate", str(recording), "--without-truth", "--sensor", "32x24", "--model", str(fake_network)]
     assert main([*command, "--out", str(tmp_path / "out")]) == 0
     report = load_report(tmp_path / "out" / "report.json")
     assert report.value("zero flow", "warp_gain") in (1, None)
     assert 0 <= report.rows[MODEL]["called_moving"].value <= 1
+    assert "without truth" in capsys.readouterr().out
+
+
+def test_of_the_rival_flow_alone_is_checked_without_truth(recording, capsys):
+    assert main(["evaluate", str(recording), "--without-truth", "--sensor", "32x24", "--model", "ecn"]) == 0
     assert "without truth" in capsys.readouterr().out
 
 

@@ -27,7 +27,7 @@ def warnings_in(errors: str) -> list[str]:
 
 
 def test_the_classical_method_leaves_the_same_files_without_weights(recording, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("evimo.streaming.inference.presets", dict)
+    monkeypatch.setattr("evimo.streaming.graphs.presets", dict)
     out = tmp_path / "out"
     asked = ["--model", "classical", "--sensor", "32x24", "--event-labels", "--out", str(out)]
     assert main(["run", str(recording), *asked]) == 0
@@ -39,6 +39,15 @@ def test_the_classical_method_leaves_the_same_files_without_weights(recording, t
         assert saved.attrs["model"] == "classical"
         assert saved.attrs["model_parameters"] == model["parameters"]
         assert "model_sha256" not in saved.attrs
+
+
+def test_the_rival_says_that_it_estimates_no_objects(recording, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["run", str(recording), "--model", "ecn", "--sensor", "32x24", "--out", str(out)]) == 0
+    assert names_in(out) == ALL - {"objects.csv"}
+    assert "moving objects not estimated by ecn" in capsys.readouterr().out
+    assert main(["run", str(recording), "--model", "ecn", "--sensor", "32x24", "--event-labels"]) == 2
+    assert "finds no objects" in capsys.readouterr().err
 
 
 def test_a_recording_becomes_video_tables_and_maps(recording, fake_network, tmp_path, capsys):

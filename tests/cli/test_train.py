@@ -12,6 +12,8 @@ from evimo.errors import how_to_install
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 from evimo.simulate.plan import RecordingPlan
 from evimo.streaming.inference import Network
+from evimo.streaming.models import model_of
+from evimo.streaming.one_look import OneLookNetwork
 
 LEFT = ["log.csv", "model.first.onnx", "model.onnx", "model.safetensors", "state.safetensors", "tensorboard"]
 
@@ -53,6 +55,16 @@ def test_a_run_leaves_a_model_to_train_one_to_run_and_a_log(run):
     assert [row["step"] for row in rows] == ["1", "2", "3"]
     assert all(np.isfinite(float(row["loss"])) for row in rows)
     assert Network(out / "model.onnx").stride == 32
+
+
+@pytest.mark.slow
+def test_the_rival_is_trained_by_its_own_recipe_into_one_file(recordings, tmp_path, capsys):
+    options = ["--preset", "ecn", "--steps", "2", "--batch", "2", "--threads", "1"]
+    trained(["train", str(recordings), *options, "--recipe", "ecn", "--out", str(tmp_path / "run")])
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [n for n in LEFT if n != "model.first.onnx"]
+    assert isinstance(model_of(tmp_path / "run" / "model.onnx"), OneLookNetwork)
+    assert main(["train", str(recordings), *options, "--out", str(tmp_path / "other")]) == 2
+    assert "--recipe ecn" in capsys.readouterr().err
 
 
 @pytest.mark.slow

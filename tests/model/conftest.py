@@ -10,9 +10,10 @@ from torch import Tensor
 
 from evimo.events.local_motion import motion_candidates
 from evimo.events.stack import EventStack, plane_fits, voxel_grid
+from evimo.model.ecn import Ecn
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import MotionNet, Prediction
-from evimo.model.presets import PRESETS
+from evimo.model.presets import PRESETS, EcnConfig
 from evimo.model.second_pass import compensation
 
 
@@ -51,6 +52,13 @@ def tiny() -> MotionNet:
     with torch.random.fork_rng():
         torch.manual_seed(0)
         return MotionNet(PRESETS["tiny"]).eval()
+
+
+@pytest.fixture(scope="session")
+def ecn() -> Ecn:
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        return Ecn(EcnConfig()).eval()
 
 
 @pytest.fixture

@@ -48,7 +48,7 @@ def test_shares_are_a_softmax_that_bears_any_logits(rng):
     torch.testing.assert_close(extreme.flatten(), torch.tensor([1.0, 0, 0]), atol=1e-6, rtol=0)
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", ["base", "small", "tiny"])
 @pytest.mark.parametrize("part", ["second_pass.network", "first_pass.flow_net", "first_pass.depth_net.network"])
 def test_predictions_run_from_coarse_to_half_the_inputs_size(preset, part, rng):
     network = MotionNet(PRESETS[preset]).get_submodule(part)

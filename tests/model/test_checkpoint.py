@@ -7,7 +7,8 @@ import torch
 
 from evimo.errors import BadFile, NotFound
 from evimo.model.checkpoint import load_model, load_tensors, save_model, save_tensors
-from evimo.model.presets import PRESETS
+from evimo.model.ecn import Ecn
+from evimo.model.presets import ECN, PRESETS
 from evimo.model.weights import packaged
 
 
@@ -77,11 +78,23 @@ def test_missing_and_additional_tensors_are_refused(tiny, tmp_path):
             load_model(tmp_path / "model.safetensors")
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", ["base", "small", "tiny"])
 def test_packaged_weights_load_by_name(name, look):
     model = load_model(name)
     assert model.config == PRESETS[name]
     assert all(torch.isfinite(value).all() for value in look((64, 96)).second(model)[-1])
+
+
+def test_the_rival_is_packaged_and_told_by_its_shape():
+    model = load_model(ECN)
+    assert isinstance(model, Ecn) and model.config == PRESETS[ECN]
+
+
+@pytest.mark.parametrize("config", [{"hidden": 12}, {"growth": 4, "layers": 3, "hidden": 12}])
+def test_a_rival_of_another_shape_is_refused(config, ecn, tmp_path):
+    save_tensors(dict(ecn.state_dict()), tmp_path / "model.safetensors", config=config)
+    with pytest.raises(BadFile, match="another kind"):
+        load_model(tmp_path / "model.safetensors")
 
 
 def test_only_files_beside_the_code_are_packaged():

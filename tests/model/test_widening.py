@@ -5,6 +5,7 @@ import torch
 
 from evimo.errors import BadInput
 from evimo.model.motion_net import MotionNet
+from evimo.model.networks import network_of
 from evimo.model.presets import PRESETS
 from evimo.model.widening import widened
 
@@ -48,3 +49,9 @@ def test_further_channels_can_learn(small, look):
 def test_a_shape_that_is_not_wider_is_refused(small, change):
     with pytest.raises(BadInput, match="wide"):
         widened(small, replace(PRESETS["base"], **change))
+
+
+@pytest.mark.parametrize(("start", "shape"), [("ecn", "base"), ("small", "ecn")])
+def test_the_rival_neither_grows_nor_is_grown_into(start, shape):
+    with pytest.raises(BadInput, match="ecn"):
+        widened(network_of(PRESETS[start]), PRESETS[shape])

@@ -259,3 +259,20 @@ def test_slices_of_which_a_run_says_that_they_have_no_events_are_counted_alone(
     report = evaluate_predictions(path, truth)
     assert (report.counts["slices"], report.counts["slices without events"]) == (5, 1)
     assert report.value(MODEL, "camera_rre") == approx(0)
+
+
+def test_a_run_that_does_not_say_what_moves_is_scored_by_the_rest(save_estimates, truth, all_ids, tmp_path):
+    path = save_estimates(tmp_path / "run" / "estimates.h5", all_ids)
+    before = evaluate_predictions(path, truth)
+    with h5py.File(path, "a") as file:
+        del file["ids"], file["moving_probability"]
+    report = evaluate_predictions(path, truth)
+    for name in ("iou", "event_iou", "clutter", "object_aee", "iou_all_frames"):
+        assert report.value(MODEL, name) is None
+    for name in ("abs_rel", "camera_rre", "camera_aee_depth"):
+        assert report.value(MODEL, name) == before.value(MODEL, name) is not None
+    save_estimates(tmp_path / "half" / "estimates.h5", all_ids)
+    with h5py.File(tmp_path / "half" / "estimates.h5", "a") as file:
+        del file["ids"]
+    with pytest.raises(BadFile, match="lacks `ids`"):
+        evaluate_predictions(tmp_path / "half" / "estimates.h5", truth)

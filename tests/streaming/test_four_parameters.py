@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from evimo.errors import NotFound
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
-from evimo.streaming import inference
+from evimo.streaming import graphs
 from evimo.streaming.four_parameters import FourParameters
 from evimo.streaming.models import model_of
 from evimo.streaming.pipeline import Run, run
@@ -96,7 +96,7 @@ def test_a_slice_s_estimate_is_the_same_in_any_span():
 
 
 def test_no_weights_are_needed_and_no_gyroscope_is_asked(discs, recorded, camera, monkeypatch):
-    monkeypatch.setattr(inference, "presets", dict)
+    monkeypatch.setattr(graphs, "presets", dict)
 
     def never():
         raise AssertionError

@@ -9,8 +9,9 @@ import onnx
 import pytest
 
 from evimo.errors import BadFile, NotFound
-from evimo.streaming import inference
-from evimo.streaming.inference import CameraMotion, Network, Seen, presets
+from evimo.streaming import graphs
+from evimo.streaming.graphs import presets
+from evimo.streaming.inference import CameraMotion, Network, Seen
 
 
 def beside(path):
@@ -100,7 +101,7 @@ def test_presets_are_the_packaged_files(monkeypatch, tmp_path, fake_network):
     weights.mkdir(parents=True)
     shutil.copy(fake_network, weights / "small.onnx")
     shutil.copy(beside(fake_network), weights / "small.first.onnx")
-    monkeypatch.setattr(inference, "files", lambda _: tmp_path)
+    monkeypatch.setattr(graphs, "files", lambda _: tmp_path)
     assert list(presets()) == ["small"]
     assert Network("small").config == {"hidden": 8}
 
@@ -147,7 +148,7 @@ def test_a_folder_is_not_found(tmp_path):
 
 def test_the_runtime_reports_nothing_to_its_makers():
     """Loaded without being told, it also complains where there is no home."""
-    code = "import os, evimo.streaming.inference as i; i._runtime(); print(os.environ['ORT_DISABLE_TELEMETRY'])"
+    code = "import os, evimo.streaming.graphs as i; i._runtime(); print(os.environ['ORT_DISABLE_TELEMETRY'])"
     env = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
     env["HOME"] = "/nonexistent"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, check=True)

@@ -8,8 +8,9 @@ import pytest
 import torch
 
 from evimo.events.slices import SLICE_US
+from evimo.model.ecn import Ecn
 from evimo.model.motion_net import MotionNet
-from evimo.model.presets import PRESETS
+from evimo.model.presets import PRESETS, EcnConfig
 from evimo.recordings.prepared import SUBPIXEL, Prepared
 from evimo.training import data
 from evimo.training.data import Samples, samples_of
@@ -110,5 +111,17 @@ def tiny() -> Callable[[int], MotionNet]:
         with torch.random.fork_rng():
             torch.manual_seed(seed)
             return MotionNet(PRESETS["tiny"])
+
+    return made
+
+
+@pytest.fixture
+def ecn() -> Callable[..., Ecn]:
+    """Makes an untrained rival, the paper's, from a seed."""
+
+    def made(seed: int = 0, **shape: int) -> Ecn:
+        with torch.random.fork_rng():
+            torch.manual_seed(seed)
+            return Ecn(EcnConfig(**shape))
 
     return made

@@ -81,3 +81,11 @@ def test_a_full_disk_is_one_error_without_a_traceback(begun, curves, tmp_path, c
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert capsys.readouterr().err == ""
+
+
+def test_of_a_network_without_masks_a_picture_shows_what_is_near(curves, recording, ecn):
+    world = recording(size=(64, 64))
+    _, true, said = np.split(curves.picture(ecn().eval(), world)[0], 3, axis=1)
+    box = world.moving[3][1::2, 1::2]
+    assert true[box].min() > true[~box].max() > 0  # the box is nearer than the wall
+    assert said.min() > 0 and np.ptp(said.astype(int)) > 0

@@ -13,9 +13,10 @@ from evimo.geometry.warping import EventPoints
 from evimo.losses.depth import mean_over
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import Prediction
+from evimo.model.networks import compute_in
 from evimo.training.batches import Batch
 from evimo.training.data import drawn_row, stacked, true_motion, whole_batch
-from evimo.training.objective import at_scale, directions, first_terms, objective, slice_frames, taken_out, terms
+from evimo.training.objective import at_scale, directions, first_terms, objective, slice_counts, taken_out, terms
 from evimo.training.recipes import RECIPES, Recipe
 
 SHIPPED, PAPER = RECIPES["shipped"], RECIPES["paper"]
@@ -186,14 +187,14 @@ def test_each_direction_has_its_own_channel(count):
     assert share.argmax(0).tolist() == list(range(count))
 
 
-def test_slice_frames_count_polarities_and_say_the_mean_time():
+def test_slices_are_counted_by_polarity():
     counts = torch.zeros(1, 30, 2, 3)
     counts[0, 6, 1, 2], counts[0, 11, 1, 2] = 2, 1  # slice 1: two positive in the first bin, a negative in the last
-    frames = slice_frames(counts)
-    assert frames.shape == (1, 5, 3, 2, 3)
-    assert frames[0, 1, :, 1, 2].tolist() == pytest.approx([2, 1, (2 / 6 + 5 / 6) / 3])
-    frames[0, 1, :, 1, 2] = 0
-    assert not frames.any()
+    by_slice = slice_counts(counts)
+    assert by_slice.shape == (1, 5, 2, 2, 3)
+    assert by_slice[0, 1, :, 1, 2].tolist() == [2, 1]
+    by_slice[0, 1, :, 1, 2] = 0
+    assert not by_slice.any()
 
 
 def first_answer(batch, *, wrong=0.0):
@@ -239,7 +240,7 @@ def test_what_is_taken_out_is_the_flow_of_the_static_world(batch):
     assert torch.equal(taken.ego, batch.taken_ego)
 
 
-@pytest.mark.parametrize("name", RECIPES)
+@pytest.mark.parametrize("name", ["paper", "shipped"])
 def test_every_parameter_is_reached(name, samples, tiny, small_crops):
     """Also by the paper's losses: flow and twist are supervised by warping, through the fits, in both passes."""
     model = tiny().train()
@@ -273,7 +274,7 @@ def test_the_fine_warp_wants_events(batch, tiny):
         objective(tiny(), batch, PAPER)
 
 
-@pytest.mark.parametrize("name", RECIPES)
+@pytest.mark.parametrize("name", ["paper", "shipped"])
 def test_the_loss_of_a_batch_is_the_mean_of_its_samples(name, samples, tiny, small_crops):
     """So that processes may share a batch: neither the network nor a loss mixes samples, nor weighs them."""
     model, rng = tiny().train(), np.random.default_rng(4)
@@ -305,7 +306,7 @@ class FromHost(TorchDispatchMode):
 
 
 def test_a_step_asks_nothing_of_the_host(batch, tiny):
-    model = tiny().train().compute_in(torch.bfloat16)
+    model = compute_in(tiny().train(), torch.bfloat16)
     with FromHost() as mode:
         loss, _ = objective(model, batch, SHIPPED)
         loss.backward()

@@ -7,6 +7,7 @@ import torch
 from evimo.geometry.camera import Camera
 from evimo.geometry.grids import resized_intrinsics
 from evimo.geometry.rectification import rectified
+from evimo.model.backbone import enlarged
 from evimo.model.motion_net import Prediction
 from evimo.streaming.looks import Looks
 from evimo.streaming.rotation import UNKNOWN
@@ -36,7 +37,8 @@ def perfect(world, middle, *, mixture=None):
         flow = padded(world.flow[middle])
         scale = resized_intrinsics(intrinsics, (2, 2), (1, 1))
         rel_depth, still = padded(depth[None]) / mean, torch.zeros(1, 1, 3)
-        return [Prediction(rel_depth, ego, still, shares, flow, flow, valid, scale, valid)]
+        out = enlarged(taken.rigid, 2) / intrinsics[:, :2, None, None] * 40
+        return [Prediction(rel_depth, ego, still, shares, flow, out, valid, scale, valid)]
 
     return second
 
@@ -126,3 +128,18 @@ def test_a_gyroscope_says_the_rotation(recording, tiny):
     world = replace(world, ego=world.ego + np.array((0, 0, 0, 0.3, -0.8, 0.5), np.float32))
     known, unknown = (validated(tiny().eval(), [world], gyroscope=gyroscope)["rotation"] for gyroscope in (True, False))
     assert known < 0.05 < 0.3 < unknown
+
+
+def test_depth_is_scored_at_the_median_scale(recording, scores):
+    """Half of all pixels at 1.5 times their depth, more than half right: AbsRel is their share times a half."""
+    world = recording(size=(64, 64), with_box=False)
+    right = perfect(world, 3)
+
+    def second(*asked):
+        (said,) = right(*asked)
+        wrong = said.rel_depth.clone()
+        wrong[..., :8, :] *= 1.5
+        return [said._replace(rel_depth=wrong)]
+
+    assert scores(right, world, every=20)["depth"] == pytest.approx(0, abs=1e-3)
+    assert scores(second, world, every=20)["depth"] == pytest.approx(0.5 * 8 / 32, abs=1e-3)

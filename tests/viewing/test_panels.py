@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from evimo.errors import BadInput
+from evimo.viewing import sidebar
 from evimo.viewing.colours import BACKDROP, CARD, X_AXIS, id_colour
 from evimo.viewing.layout import layout_of
 from evimo.viewing.panels import Panels
@@ -161,3 +164,14 @@ def test_a_large_sensor_shows_the_same_places(make_estimate, make_square, make_e
     areas = [layout_of((240 * k, 320 * k)).images[1].of(frame) for k, frame in zip((1, 2), frames, strict=True)]
     masks = [cv2.absdiff(area, np.full_like(area, CARD)).max(-1) > 40 for area in areas]
     assert np.count_nonzero(masks[0] ^ masks[1]) < 0.05 * np.count_nonzero(masks[0])
+
+
+def test_what_is_not_estimated_is_hatched_and_said(make_estimate, make_events, monkeypatch):
+    estimate = replace(make_estimate(SIZE), moving_probability=None, ids=None, objects=None)
+    said = []
+    monkeypatch.setattr(sidebar, "write", lambda image, text, at, **how: said.append(text) or at[0])
+    image = drawn(estimate, make_events((50, 60, 1)))
+    known = drawn(make_estimate(SIZE), make_events((50, 60, 1)))
+    for panel, hatched in ((MASK, True), (VELOCITY, True), (DEPTH, False), (EVENTS, False)):
+        assert (panel.of(image) != panel.of(known)).any() == hatched
+    assert "moving objects not estimated" in said and "0 moving objects" in said

@@ -19,7 +19,7 @@ from evimo.writing import save_files
 if TYPE_CHECKING:
     from evimo.simulate.benchmark_set import BenchmarkPlan
 
-MODELS = ("base", "small", "tiny", "classical")
+MODELS = ("base", "small", "tiny", "classical", "ecn")
 """What stands in every table unless other models are named, best first."""
 SCORES, RECORDINGS = "scores", "recordings"
 FILES = ("benchmark.md", "benchmark.csv", "benchmark.json", "benchmark.html")

@@ -47,7 +47,7 @@ def evaluate(
             CSV or npz; for several recordings, a folder with one of these for each, named like it.
         truth: recordings that the predictions are of.
         model: a preset, the path of an ONNX file, or `classical`, the training-free method; small unless told
-            otherwise.
+            otherwise. What a model does not estimate, such as masks by ecn, is a dash.
         split: only recordings of the test part of a published split, such as `paper2019` or `evimo2-imo`.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.

@@ -45,7 +45,8 @@ def run(
         recording: an event file of any known format; `evimo info` says what is inside.
         more: recordings. Each of several has a folder in that of --out, and the same command again runs over those
             that are not finished.
-        model: a preset's name, or an .onnx file, or classical, a method that needs no weights.
+        model: a preset's name, or an .onnx file, or classical, a method that needs no weights. ecn, the paper's rival,
+            estimates depth and the camera's motion, and no moving objects: their files and maps are left out.
         calibration: of the camera: a file by kalibr, ROS, OpenCV, Metavision or DV, among others. Without it what the
             recording says of itself, else a guess.
         camera: its name in the calibration file, where that holds several that fit.
@@ -137,8 +138,8 @@ def _told(saved: "Saved") -> str:
     facts = saved.summary
     end = "stopped early; all files are complete up to there: " if facts["interrupted"] else ""
     objects, lasting = facts["objects_seen"], facts["objects_seen_for_100_ms"]
-    headline = (
-        f"{end}{facts['slices']} slices at {facts['slices_per_s']:.1f} slices/s, "
-        f"{objects} moving object{'' if objects == 1 else 's'} seen, {lasting} for 0.1 s or longer"
-    )
+    found = f"{objects} moving object{'' if objects == 1 else 's'} seen, {lasting} for 0.1 s or longer"
+    if objects is None:
+        found = f"moving objects not estimated by {facts['model']['name']}"
+    headline = f"{end}{facts['slices']} slices at {facts['slices_per_s']:.1f} slices/s, {found}"
     return "\n".join([headline, *(f"  {path}" for path in saved.files)])

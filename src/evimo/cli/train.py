@@ -43,9 +43,10 @@ def train(
     """Train on simulated recordings; the same command again goes on where it stopped.
 
     Leaves `model.safetensors` (averaged weights with their configuration), `model.onnx` with `model.first.onnx` (to
-    run), `log.csv`, `validation.csv` and curves for TensorBoard in the output folder. Each recording is brought into
-    its rectified image once, in a folder inside it. Several processes, each with its share of every batch, on one
-    machine or several that see the same folders: `torchrun --nproc-per-node N -m evimo train ...`.
+    run; ecn, which looks once, has the former alone), `log.csv`, `validation.csv` and curves for TensorBoard in the
+    output folder. Each recording is brought into its rectified image once, in a folder inside it. Several processes,
+    each with its share of every batch, on one machine or several that see the same folders: `torchrun
+    --nproc-per-node N -m evimo train ...`.
 
     Args:
         data: recordings with truth, or folders that hold them: EV-IMO and EVIMO2 in any of their layouts, and what
@@ -55,10 +56,10 @@ def train(
         validate: folders of recordings to score the model on now and then.
         validate_every: steps between scores.
         split: only recordings of the training part of a published split, such as `paper2019` or `evimo2-imo`.
-        preset: a shape to start afresh, `base`, `small` or `tiny`, or a .safetensors file to train further.
+        preset: a shape to start afresh, `base`, `small`, `tiny` or `ecn`, or a .safetensors file to train further.
         grow: a .safetensors file of a smaller model, such as small's for base: the shape starts with its answers.
         out: folder of the run.
-        recipe: `shipped` (supervised by the simulator) or `paper` (its losses only).
+        recipe: `shipped` (supervised by the simulator) or `paper` (its losses only); `ecn` (by warping alone) for ecn.
         steps: batches.
         batch: samples per batch, over all processes.
         learning_rate: highest; a half cosine follows.
@@ -116,7 +117,10 @@ def _train(
             trainer.run(report)
     if not trainer.team.rank:
         export(trainer.averaged(), workplace.out / "model.onnx")
-        print(f"saved in {workplace.out}: model.safetensors, model.onnx, model.first.onnx")
+        made = (
+            name for name in ("model.safetensors", "model.onnx", "model.first.onnx") if (workplace.out / name).exists()
+        )
+        print(f"saved in {workplace.out}: {', '.join(made)}")
 
 
 @contextmanager

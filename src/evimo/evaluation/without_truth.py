@@ -112,6 +112,8 @@ class Agreement:
 
     def _consistency(self, estimate: Estimate) -> Scores:
         image, dt_s = self.rectification.image, (estimate.stop_us - estimate.start_us) * 1e-6
+        if estimate.moving is None:
+            return {}
         now, before = self.rectification.from_sensor(estimate.moving), self._before
         self._before = now
         if before is None:
@@ -124,6 +126,8 @@ class Agreement:
         }
 
     def _called(self, estimate: Estimate, events: Events) -> Scores:
+        if estimate.moving is None:
+            return {}
         valid = estimate.valid[events.y, events.x]
         moving = estimate.moving[events.y, events.x]
         return {"called_moving": Score(int(np.count_nonzero(moving)), int(np.count_nonzero(valid)))}

@@ -9,25 +9,25 @@ from evimo.geometry.warping import EventPoints, image_of_warped_events, inside, 
 
 
 def coarse_warp_loss(
-    frames: Float[Tensor, "B N 3 H W"],
+    counts: Float[Tensor, "B N C H W"],
     flow: Float[Tensor, "B 2 H W"],
     valid: Bool[Tensor, "B 1 H W"],
     *,
     elapsed_s: Float[Tensor, " N"],
 ) -> Float[Tensor, "B 1 H W"]:
-    """Mean |difference| of the inversely warped neighbours and the middle slice (paper, coarse loss).
+    """Mean |difference| in event counts of the inversely warped neighbours and the middle slice (paper, coarse loss).
 
     Where a neighbour would be read outside the frame or at an invalid pixel, its unwarped difference stands: looking
     away pays no better than claiming no motion. A neighbour without any event is a missing one and takes no part.
 
     Args:
-        frames: N slices in order, N odd.
+        counts: of events, of N slices in order, N odd; C is one channel for each polarity.
         flow: px/s at the centre of the middle slice.
         valid: pixels the lens can see; 0 elsewhere.
         elapsed_s: time of each slice's centre relative to the middle one's; the middle entry is ignored.
     """
-    batch, slices, _, height, width = frames.shape
-    middle = frames[:, slices // 2]
+    batch, slices, _, height, width = counts.shape
+    middle = counts[:, slices // 2]
     here = pixel_grid(flow)
     total = flow.new_zeros(batch, 1, height, width)
     count = flow.new_zeros(batch, 1, 1, 1)
@@ -36,8 +36,8 @@ def coarse_warp_loss(
             continue
         at = here + flow * elapsed_s[n]
         seen = inside(at, (height, width)) & (sample(valid.to(flow), at.detach()) > 0.999)
-        warped = torch.where(seen, sample(frames[:, n], at), frames[:, n])
-        present = frames[:, n].ne(0).flatten(1).any(1).to(flow).view(-1, 1, 1, 1)
+        warped = torch.where(seen, sample(counts[:, n], at), counts[:, n])
+        present = counts[:, n].ne(0).flatten(1).any(1).to(flow).view(-1, 1, 1, 1)
         total = total + present * (warped - middle).abs().mean(dim=1, keepdim=True)
         count = count + present
     return torch.where(valid, total / count.clamp(min=1), 0)

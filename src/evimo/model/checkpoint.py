@@ -10,13 +10,13 @@ from safetensors.torch import save
 from torch import Tensor
 
 from evimo.errors import BadFile, NotFound
-from evimo.model.motion_net import MotionNet
-from evimo.model.presets import PRESETS, ModelConfig
+from evimo.model.networks import Model, config_of, network_of
+from evimo.model.presets import PRESETS
 from evimo.model.weights import packaged
 from evimo.writing import new_file
 
 
-def load_model(name_or_path: str | Path, *, device: str = "cpu") -> MotionNet:
+def load_model(name_or_path: str | Path, *, device: str = "cpu") -> Model:
     """Load a trained model for PyTorch: `load_model("small")`, `load_model("runs/wall/model.safetensors")`.
 
     Raises:
@@ -30,14 +30,14 @@ def load_model(name_or_path: str | Path, *, device: str = "cpu") -> MotionNet:
         )
     tensors, facts = load_tensors(path)
     try:
-        model = MotionNet(ModelConfig(**facts["config"])).to(device)
+        model = network_of(config_of(facts["config"])).to(device)
         model.load_state_dict(tensors)
-    except (KeyError, TypeError, RuntimeError) as error:
+    except (KeyError, TypeError, AttributeError, RuntimeError) as error:
         raise BadFile(f"{path} holds another kind of model: {error}", fix="a file that `evimo train` wrote") from error
     return model.eval()
 
 
-def save_model(model: MotionNet, path: Path, **facts: Any) -> None:
+def save_model(model: Model, path: Path, **facts: Any) -> None:
     """Write weights and configuration, and any facts that JSON can hold."""
     save_tensors(dict(model.state_dict()), path, config=asdict(model.config), **facts)
 

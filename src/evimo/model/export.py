@@ -1,4 +1,4 @@
-"""A trained model to two ONNX graphs, one for each pass: any image size, no torch to run them."""
+"""A trained model to ONNX graphs, one for each pass: any image size, no torch to run them."""
 
 import json
 import os
@@ -15,7 +15,9 @@ from torch import Tensor, nn
 
 from evimo.events.local_motion import CANDIDATE_CHANNELS
 from evimo.events.stack import FITS, VOXELS
-from evimo.model.motion_net import MotionNet
+from evimo.model.ecn import Ecn
+from evimo.model.motion_net import SLICES_PER_S, MotionNet
+from evimo.model.networks import Model, compute_in
 from evimo.model.second_pass import compensation
 from evimo.model.weights import first_pass_beside
 from evimo.writing import new_file
@@ -24,6 +26,8 @@ FIRST_INPUTS = ("voxels", "fits", "candidates", "valid", "intrinsics", "rotation
 FIRST_OUTPUTS = ("rel_depth", "ego", "flow")
 SECOND_INPUTS = ("voxels", "fits", "valid", "intrinsics", "rotation", "taken_ego", "taken_depth", "taken_seen")
 SECOND_OUTPUTS = ("moving", "rel_depth", "ego", "velocity", "flow", "confidence")
+ONLY_INPUTS = ("voxels", "valid", "intrinsics")
+ONLY_OUTPUTS = ("rel_depth", "ego", "flow", "confidence")
 HALVED_FROM = 1024  # elements of a weight that is stored in half precision
 
 
@@ -72,18 +76,36 @@ class Second(nn.Module):
         return moving, finest.rel_depth, finest.ego, finest.object_velocity, finest.flow, finest.confidence
 
 
-def export(model: MotionNet, path: Path) -> None:
+class Only(nn.Module):
+    """The network that looks once, inputs and outputs in the order of `ONLY_INPUTS` and `ONLY_OUTPUTS`."""
+
+    def __init__(self, model: Ecn) -> None:
+        super().__init__()
+        self.model = model
+
+    def forward(self, voxels: Tensor, valid: Tensor, intrinsics: Tensor) -> tuple[Tensor, ...]:
+        """See `Ecn.finest`; in the units of `Second`."""
+        said, confidence = self.model.finest(voxels, valid, intrinsics)
+        focal_px = intrinsics[:, :2, None, None]
+        return said.rel_depth, said.ego * SLICES_PER_S, said.flow / focal_px * SLICES_PER_S, confidence
+
+
+def export(model: Model, path: Path) -> None:
     """Write a model as ONNX that takes images of any size: the second pass at `path`, the first pass beside it.
 
-    The configuration is in the metadata of both.
+    Of a network that looks once, the only pass at `path`. The configuration is in the metadata of each file.
     """
-    model = model.eval().compute_in(torch.float32)
+    model = compute_in(model.eval(), torch.float32)
     high, wide = 2 * model.config.stride, 3 * model.config.stride
     lens = (torch.tensor([[0.75 * wide, 0.75 * wide, wide / 2, high / 2]]), torch.zeros(1, 4))
 
     def image(channels: int, step: int) -> Tensor:
         return torch.rand(1, channels, high // step, wide // step) + 0.1
 
+    if isinstance(model, Ecn):
+        only = (image(VOXELS, 2), image(1, 2), lens[0])
+        _write(Only(model), only, (ONLY_INPUTS, ONLY_OUTPUTS), path)
+        return
     first = (image(VOXELS, 2), image(FITS, 2), image(CANDIDATE_CHANNELS, 4), image(1, 2), *lens)
     taken = (torch.rand(1, 6), image(1, 4), image(2, 4))
     second = (image(VOXELS, 1), image(FITS, 2), image(1, 2), *lens, *taken)
@@ -91,7 +113,9 @@ def export(model: MotionNet, path: Path) -> None:
     _write(Second(model), second, (SECOND_INPUTS, SECOND_OUTPUTS), path)
 
 
-def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple[str, ...], ...], path: Path) -> None:
+def _write(
+    part: First | Second | Only, example: tuple[Tensor, ...], names: tuple[tuple[str, ...], ...], path: Path
+) -> None:
     """Trace, fold, halve, check, write."""
     inputs, outputs = names
     free = {
@@ -125,7 +149,7 @@ def _write(part: First | Second, example: tuple[Tensor, ...], names: tuple[tuple
 
 def folded(traced: Path) -> onnx.ModelProto:
     """The graph with constants folded and dead ends cut: half as many nodes, and quick to load."""
-    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # as streaming.inference
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # as streaming.graphs
     import onnxruntime
 
     options = onnxruntime.SessionOptions()

@@ -2,13 +2,12 @@
 
 from typing import NamedTuple
 
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from evimo.geometry.grids import normalised_grid, resized_intrinsics
 from evimo.geometry.motion_field import motion_field, pixel_residual, pixel_twist
-from evimo.model.backbone import EvenlyCascaded, enlarged, reduced, shares
+from evimo.model.backbone import enlarged, reduced, shares
 from evimo.model.first_pass import FirstAnswer, FirstPass, mean_one
 from evimo.model.presets import ModelConfig
 from evimo.model.second_pass import SECOND_STEP, Compensation, Motions, SecondAnswer, SecondPass
@@ -60,13 +59,6 @@ class MotionNet(nn.Module):
         self.config = config
         self.first_pass = FirstPass(config)
         self.second_pass = SecondPass(config)
-
-    def compute_in(self, precision: torch.dtype) -> "MotionNet":
-        """Compute features in this precision, such as torch.bfloat16; fits and losses stay in float32."""
-        for part in self.modules():
-            if isinstance(part, EvenlyCascaded):
-                part.precision = precision
-        return self
 
     def first(
         self,

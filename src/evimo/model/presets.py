@@ -27,8 +27,26 @@ class ModelConfig:
         return max(2 * 2**self.layers, 4 * 2**self.first_layers)
 
 
-PRESETS = {
+@dataclass(frozen=True, kw_only=True)
+class EcnConfig:
+    """Shape of the paper's rival (`ecn.Ecn`), whose name for it is ECN; it has no passes, and no objects."""
+
+    hidden: int = 12  # channels of the depth network after its first layer; the pose network has half of all
+    growth: int = 10
+    layers: int = 3
+
+    @property
+    def stride(self) -> int:
+        """As of `ModelConfig`."""
+        return 4 * 2**self.layers
+
+
+Config = ModelConfig | EcnConfig
+
+ECN = "ecn"
+PRESETS: dict[str, Config] = {
     "base": ModelConfig(hidden=32, growth=32, first_hidden=20, first_growth=20),
     "small": ModelConfig(hidden=16, growth=20, first_hidden=12, first_growth=12, depth_hidden=8, depth_growth=8),
     "tiny": ModelConfig(hidden=6, growth=3, layers=3, first_hidden=4, first_growth=2, depth_hidden=4, depth_growth=2),
+    ECN: EcnConfig(),
 }

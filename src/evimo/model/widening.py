@@ -8,15 +8,18 @@ from torch import nn
 from evimo.errors import BadInput
 from evimo.model.backbone import Convolution, DecodingLayer, EvenlyCascaded, Residual
 from evimo.model.motion_net import MotionNet
-from evimo.model.presets import ModelConfig
+from evimo.model.networks import Model
+from evimo.model.presets import Config, ModelConfig
 
 
-def widened(model: MotionNet, config: ModelConfig) -> MotionNet:
+def widened(model: Model, config: Config) -> MotionNet:
     """A model of another shape with the same answers: its further channels are random, and not listened to yet.
 
     Raises:
-        BadInput: the shape has fewer channels somewhere, or another depth.
+        BadInput: the shape has fewer channels somewhere, or another depth; or one of both is no model that looks twice.
     """
+    if not isinstance(model, MotionNet) or not isinstance(config, ModelConfig):
+        raise BadInput("ecn is not grown, nor grown from", fix="base from small, or small from tiny")
     wide = MotionNet(config)
     with torch.no_grad():
         for source, target in zip(_networks(model), _networks(wide), strict=True):

@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from evimo.recordings.prediction import Prediction, velocity_map
 
 ESTIMATES, EVENTS, OBJECTS = "estimates.h5", "events.h5", "objects.csv"
 MAPS = ("moving_probability", "ids", "rel_depth")
+OF_OBJECTS = ("moving_probability", "ids")
+"""Both are there, or neither is: then the program does not say what moves."""
 KINDS = {
     "moving_probability": "u",
     "ids": "u",
@@ -82,11 +85,14 @@ class _Estimates:
 
     def __init__(self, path: Path, file: h5py.File, sensor: tuple[int, int]) -> None:
         self._path = path
-        self._data = {name: self._dataset(file, name) for name in KINDS}
+        self._says_what_moves = any(name in file for name in OF_OBJECTS)
+        left_out = () if self._says_what_moves else OF_OBJECTS
+        self._data = {name: self._dataset(file, name) for name in KINDS if name not in left_out}
+        maps = [name for name in MAPS if name not in left_out]
         self.times_us = ascending_us(self._read("t_us", ...), path, name="t_us")
-        for name in MAPS:
+        for name in maps:
             check_size(self._data[name].shape[1:], sensor, f"`{name}` of {path}")
-        lengths = {self._data[name].shape[:1] for name in (*MAPS, "ego", "has_events")}
+        lengths = {self._data[name].shape[:1] for name in (*maps, "ego", "has_events")}
         if lengths != {self.times_us.shape} or self._data["ego"].shape[1:] != (6,):
             raise BadFile(f"the datasets of {path} do not fit together", fix=DAMAGED)
         self._valid: NDArray[np.bool_] = self._read("valid", ...).astype(np.bool_)
@@ -98,20 +104,22 @@ class _Estimates:
         """Slice k; ids count where the mask is valid."""
         if not self._read("has_events", k):
             return Prediction(has_events=False)
-        of_255, ids, rel_depth = (self._read(name, k) for name in MAPS)
-        ego = self._read("ego", k).astype(np.float64)
+        rel_depth, ego = self._read("rel_depth", k), self._read("ego", k).astype(np.float64)
         if not np.isfinite(ego).all() or not np.isfinite(rel_depth[self._valid]).all():
             raise BadFile(f"slice {k} of {self._path} holds numbers that are not finite", fix=DAMAGED)
+        said = Prediction(rel_depth=rel_depth.astype(np.float32), ego=ego, valid=self._valid)
+        return self._with_objects(said, k) if self._says_what_moves else said
+
+    def _with_objects(self, said: Prediction, k: int) -> Prediction:
+        of_255, ids = (self._read(name, k) for name in OF_OBJECTS)
         ids = np.where(self._valid, ids, 0).astype(np.int32)
         objects = None if self._velocities is None else self._velocities.at(int(self.times_us[k]))
-        return Prediction(
+        return replace(
+            said,
             moving=(of_255 > 127.5) & self._valid,
             ids=ids,
             probability=of_255.astype(np.float32) / np.float32(255),
-            rel_depth=rel_depth.astype(np.float32),
-            ego=ego,
             velocity=None if objects is None else velocity_map(ids, objects),
-            valid=self._valid,
         )
 
     def _dataset(self, file: h5py.File, name: str) -> Any:

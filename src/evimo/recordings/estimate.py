@@ -44,7 +44,8 @@ class EventLabels:
 class Estimate:
     """An estimate says what moved, how far things were and how the camera moved in one slice [start_us, stop_us).
 
-    All is valid at the slice's centre; maps are in sensor pixels (H, W).
+    All is valid at the slice's centre; maps are in sensor pixels (H, W). A model that does not estimate what moves by
+    itself (`ecn`) leaves `moving_probability`, `ids`, `moving` and `objects` out: they are None.
 
     moving_probability: (H, W) float32, 0...1; the motion mask is where it exceeds 0.5.
     ids:        (H, W) uint8, 0 is background, else `MovingObject.id`.
@@ -63,18 +64,18 @@ class Estimate:
     t_us: int
     start_us: int
     stop_us: int
-    moving_probability: NDArray[np.float32]
-    ids: NDArray[np.uint8]
+    moving_probability: NDArray[np.float32] | None
+    ids: NDArray[np.uint8] | None
     rel_depth: NDArray[np.float32]
     flow: NDArray[np.float32]
     confidence: NDArray[np.float32]
     valid: NDArray[np.bool_]
     ego: NDArray[np.float64]
-    objects: tuple[MovingObject, ...]
+    objects: tuple[MovingObject, ...] | None
     event_labels: EventLabels | None = None
     has_events: bool = True
 
     @property
-    def moving(self) -> NDArray[np.bool_]:
+    def moving(self) -> NDArray[np.bool_] | None:
         """The motion mask, (H, W)."""
-        return (self.moving_probability > 0.5) & self.valid
+        return None if self.moving_probability is None else (self.moving_probability > 0.5) & self.valid

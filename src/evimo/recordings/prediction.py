@@ -39,14 +39,16 @@ class Prediction:
 def prediction_of(estimate: Estimate) -> Prediction:
     """Return what an estimate says as a prediction."""
     labels = estimate.event_labels
+    ids = None if estimate.ids is None else estimate.ids.astype(np.int32)
+    velocities = {body.id: body.rel_velocity for body in estimate.objects or ()}
     return Prediction(
         moving=estimate.moving,
-        ids=estimate.ids.astype(np.int32),
+        ids=ids,
         probability=estimate.moving_probability,
         event_objects=None if labels is None else labels.objects.astype(np.int64),
         rel_depth=estimate.rel_depth,
         ego=estimate.ego,
-        velocity=velocity_map(estimate.ids.astype(np.int32), {body.id: body.rel_velocity for body in estimate.objects}),
+        velocity=None if ids is None else velocity_map(ids, velocities),
         flow=estimate.flow,
         valid=estimate.valid,
         has_events=estimate.has_events,

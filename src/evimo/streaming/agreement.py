@@ -36,15 +36,18 @@ class Agreement:
     def of(self, row: Sequence[Answer | None]) -> Answer:
         """Return the middle one of three answers, its mask agreed on with the neighbours that there are.
 
-        All without the margin behind the image, where nothing moves and which would have a say at the image's edge.
+        One without a mask stays so. All without the margin behind the image, where nothing moves and which would have
+        a say at the edge.
         """
         before, here, after = (each and each.cropped(*self._size) for each in row)
         if here is None:
             raise ValueError("the middle one of three answers is missing")
+        if here.moving is None:
+            return here
         flow = np.nan_to_num(here.flow * self._px_per_slice)  # no number is no place to read at
         total, weight = _log_odds(here.moving), 1.0
         for neighbour, towards in ((before, -1), (after, 1)):
-            if neighbour is not None:
+            if neighbour is not None and neighbour.moving is not None:
                 said = np.maximum(_log_odds(neighbour.moving), np.float32(-VETO))
                 _add_along(said, flow, np.float32(towards), np.float32(SAY), total)
                 weight += SAY

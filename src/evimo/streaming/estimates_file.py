@@ -22,6 +22,8 @@ PER_SLICE = {
     "confidence": "255 x confidence in the flow: how much the pixel counted when the motions were fitted to it",
 }
 
+OF_OBJECTS = ("moving_probability", "ids")
+
 
 class EstimatesFile:
     """Writes estimates to one HDF5 file; `close` waits for the last one.
@@ -29,11 +31,18 @@ class EstimatesFile:
     Datasets, N slices of (H, W) sensor pixels: `t_us` (N,) int64, `has_events` (N,) bool, `ego` (N, 6) float64,
     `moving_probability` (N, H, W) uint8, `ids` (N, H, W) uint8, `rel_depth` (N, H, W) float16, `confidence` (N, H, W)
     uint8, and `valid` (H, W) bool, the same for all slices. One slice is one gzip chunk. Each dataset says its unit
-    and meaning in its attribute `meaning`.
+    and meaning in its attribute `meaning`. `moving_probability` and `ids` are missing where the model does not estimate
+    what moves.
     """
 
     def __init__(
-        self, path: Path, valid: NDArray[np.bool_], *, attributes: dict[str, str], watch: Stopwatch | None = None
+        self,
+        path: Path,
+        valid: NDArray[np.bool_],
+        *,
+        attributes: dict[str, str],
+        watch: Stopwatch | None = None,
+        objects: bool = True,
     ) -> None:
         """Start the file.
 
@@ -42,6 +51,7 @@ class EstimatesFile:
             valid: (H, W) as in every estimate that will come.
             attributes: of the file, such as the model's name.
             watch: counts the writing as stage `maps`.
+            objects: whether estimates say what moves.
         """
         self._watch = watch or Stopwatch()
         self._file = Hdf5File(path, attributes=attributes)
@@ -51,8 +61,7 @@ class EstimatesFile:
             "t_us": self._dataset("t_us", (), np.int64),
             "has_events": self._dataset("has_events", (), np.bool_),
             "ego": self._dataset("ego", (6,), np.float64),
-            "moving_probability": self._dataset("moving_probability", valid.shape, np.uint8),
-            "ids": self._dataset("ids", valid.shape, np.uint8),
+            **({name: self._dataset(name, valid.shape, np.uint8) for name in OF_OBJECTS} if objects else {}),
             "rel_depth": self._dataset("rel_depth", valid.shape, np.float16),
             "confidence": self._dataset("confidence", valid.shape, np.uint8),
         }
@@ -90,14 +99,18 @@ class EstimatesFile:
         if self._count % GROWTH == 0:
             for dataset in self._datasets.values():
                 dataset.resize(self._count + GROWTH, axis=0)
-        values = {
+        values: dict[str, Any] = {
             "t_us": estimate.t_us,
             "has_events": estimate.has_events,
             "ego": estimate.ego,
-            "moving_probability": np.rint(estimate.moving_probability * 255).astype(np.uint8),
-            "ids": estimate.ids,
             "rel_depth": estimate.rel_depth.astype(np.float16),
-            "confidence": np.rint(estimate.confidence * 255).astype(np.uint8),
+            "confidence": _of_255(estimate.confidence),
         }
+        if estimate.moving_probability is not None:
+            values |= {"moving_probability": _of_255(estimate.moving_probability), "ids": estimate.ids}
         for name, value in values.items():
             self._datasets[name][self._count] = value
+
+
+def _of_255(share: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.rint(share * 255).astype(np.uint8)

@@ -58,7 +58,7 @@ class EventLabeller:
             return replace(estimate, event_labels=EventLabels(window.part(first, last), np.zeros(0, np.uint8)))
         best, names = np.ones(len(window), np.float32), np.zeros(len(window), np.uint8)
         flow, objects = estimate.flow.copy(), list[MovingObject]()
-        for moving in estimate.objects:
+        for moving in estimate.objects or ():
             seen = self._seen(moving, estimate)
             near, followed = self._followed(seen, estimate, window)
             won = followed.odds > best[near.index]
@@ -71,7 +71,8 @@ class EventLabeller:
 
     def _seen(self, moving: MovingObject, estimate: Estimate) -> _Object:
         x0, y0, x1, y1 = moving.box
-        rows, columns = np.nonzero(estimate.ids[y0 : y1 + 1, x0 : x1 + 1] == moving.id)
+        ids, _ = _masks(estimate)
+        rows, columns = np.nonzero(ids[y0 : y1 + 1, x0 : x1 + 1] == moving.id)
         pixels = rows + y0, columns + x0
         x, y = self._rectification.x[pixels], self._rectification.y[pixels]
         centre = float(x.mean()), float(y.mean())
@@ -90,8 +91,7 @@ class EventLabeller:
         near = events_near(window, world_of(estimate, self._rectification), box=box, reach=reach)
         place = slice(top, bottom), slice(left, right)
         source, exists = self._rectification.source[place], self._rectification.image_valid[place]
-        ids = np.where(exists, estimate.ids.ravel()[source], 0)
-        probability = np.where(exists, estimate.moving_probability.ravel()[source], np.float32(0))
+        ids, probability = (np.where(exists, each.ravel()[source], each.dtype.type(0)) for each in _masks(estimate))
         mine = ids == seen.id
         prior = mask_prior(probability, mine, (ids > 0) & ~mine)
         centre = seen.centre[0] - left, seen.centre[1] - top
@@ -113,3 +113,10 @@ class EventLabeller:
     def _per_slice(self, estimate: Estimate) -> F4:
         """Px per slice in the rectified image that 1/s on the plane Z = 1 is, (2,)."""
         return (self._focal_px * (estimate.stop_us - estimate.start_us) * 1e-6).astype(np.float32)
+
+
+def _masks(estimate: Estimate) -> tuple[NDArray[np.uint8], F4]:
+    """The ids and the moving probability of an estimate that has objects."""
+    if estimate.ids is None or estimate.moving_probability is None:
+        raise ValueError("events belong to objects, and this model finds none")
+    return estimate.ids, estimate.moving_probability

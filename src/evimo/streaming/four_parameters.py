@@ -6,7 +6,6 @@ depth of its own and no speed towards the camera.
 """
 
 from collections.abc import Callable, Generator
-from contextlib import closing
 from dataclasses import asdict
 from typing import Any
 
@@ -17,8 +16,9 @@ from evimo.classical.sharpness import ARM
 from evimo.classical.world import Scene
 from evimo.formats.event_file import EventFile
 from evimo.geometry.rectification import Rectification
-from evimo.streaming.inference import Answer, workers_here
-from evimo.streaming.passes import Stacked
+from evimo.streaming.graphs import workers_here
+from evimo.streaming.inference import Answer
+from evimo.streaming.passes import Stacked, near
 from evimo.streaming.rotation import SLICE_S, Rotation
 from evimo.streaming.span import Span
 from evimo.streaming.stopwatch import Stopwatch
@@ -32,6 +32,8 @@ class FourParameters:
 
     name: always `classical`. workers: slices that run side by side. parameters: of the method.
     """
+
+    finds_objects = True
 
     def __init__(self, parameters: Parameters | None = None, *, workers: int | None = None) -> None:
         """The parameters are the ones that were chosen, unless given."""
@@ -62,7 +64,7 @@ class Fits:
         self, stacks: Generator[Stacked], span: Span, rotation: Rotation
     ) -> Generator[tuple[Stacked, Answer | None]]:
         """Each slice of the span, and a neighbour to each side, with the method's answer; rotation has no use here."""
-        return in_parallel(self._answered, _near(stacks, span), workers=self._workers)
+        return in_parallel(self._answered, near(stacks, span), workers=self._workers)
 
     def rotation(self, events: EventFile, stacks: Callable[[], Generator[Stacked]]) -> Rotation:
         """What is known of the camera's rotation: nothing is taken from gyroscopes."""
@@ -76,11 +78,6 @@ class Fits:
             near = np.abs(stack.t) <= self._parameters.window
             scene = Scene(stack.x[near], stack.y[near], stack.t[near], image.size, (image.cx, image.cy))
             return stacked, _answer_of(compensate(scene, self._parameters), (image.fx, image.fy))
-
-
-def _near(stacks: Generator[Stacked], span: Span) -> Generator[Stacked]:
-    with closing(stacks):
-        yield from (each for each in stacks if span.is_near(each.part.index))
 
 
 def _answer_of(found: Compensated, focal_px: tuple[float, float]) -> Answer:

@@ -4,11 +4,13 @@ from pathlib import Path
 
 from evimo.geometry.rectification import Rectification
 from evimo.streaming.four_parameters import CLASSICAL, Fits, FourParameters
+from evimo.streaming.graphs import open_graph
 from evimo.streaming.inference import Network
+from evimo.streaming.one_look import OneLook, OneLookNetwork, looks_once
 from evimo.streaming.passes import TwoPasses
 from evimo.streaming.stopwatch import Stopwatch
 
-Model = Network | FourParameters
+Model = Network | OneLookNetwork | FourParameters
 
 
 def model_of(name_or_path: str | Path) -> Model:
@@ -17,11 +19,16 @@ def model_of(name_or_path: str | Path) -> Model:
     Raises:
         NotFound, BadFile: as `Network`.
     """
-    return FourParameters() if str(name_or_path) == CLASSICAL else Network(name_or_path)
+    if str(name_or_path) == CLASSICAL:
+        return FourParameters()
+    graph = open_graph(name_or_path)
+    return OneLookNetwork(graph) if looks_once(graph) else Network(graph)
 
 
-def passes_of(model: Model, rectification: Rectification, stopwatch: Stopwatch) -> TwoPasses | Fits:
+def passes_of(model: Model, rectification: Rectification, stopwatch: Stopwatch) -> TwoPasses | OneLook | Fits:
     """Return what makes answers of stacks with that model."""
     if isinstance(model, FourParameters):
         return Fits(model, rectification, stopwatch)
+    if isinstance(model, OneLookNetwork):
+        return OneLook(model, rectification, stopwatch)
     return TwoPasses(model, rectification, stopwatch)

@@ -25,7 +25,9 @@ class ObjectFinder:
     without_events: how many slices had none.
     """
 
-    def __init__(self, rectification: Rectification) -> None:
+    def __init__(self, rectification: Rectification, *, wanted: bool = True) -> None:
+        """Prepare for a camera; `wanted` is False for a model that says nothing of what moves."""
+        self._wanted = wanted
         self._valid = rectification.valid
         whole = tuple(-(-side // HALF) * HALF for side in rectification.image_valid.shape)
         self._inside = halved_mask(rectification.image_valid, (whole[0], whole[1])) > 0
@@ -37,24 +39,21 @@ class ObjectFinder:
         self.without_events = 0
 
     @property
-    def objects_seen(self) -> int:
-        """How many objects got a new id."""
-        return self._identities.given
+    def objects_seen(self) -> int | None:
+        """How many objects got a new id; None where none are looked for."""
+        return self._identities.given if self._wanted else None
 
     @property
-    def objects_lasting(self) -> int:
-        """How many of them were seen for 0.1 s or longer."""
-        return self._identities.lasting
+    def objects_lasting(self) -> int | None:
+        """How many of them were seen for 0.1 s or longer; None where none are looked for."""
+        return self._identities.lasting if self._wanted else None
 
     def estimate(self, answer: Answer, *, start_us: int, stop_us: int) -> Estimate:
         """Return the estimate of the next slice [start_us, stop_us), from an answer without margin."""
-        moving = (answer.moving > 0.5) & self._inside
-        labels = regions(moving, answer.velocity, smallest_px=self._smallest_px)
-        found = self._identities.follow(labels)
-        maps = np.concatenate((np.stack((answer.moving, answer.rel_depth, answer.confidence)), answer.flow))
-        probability, rel_depth, confidence, *flow = self._to_sensor.bilinear(maps)
-        ids = self._to_sensor.nearest(found)
-        ids[~(self._valid & (probability > 0.5))] = 0
+        rel_depth, confidence, *flow = self._to_sensor.bilinear(
+            np.concatenate((np.stack((answer.rel_depth, answer.confidence)), answer.flow))
+        )
+        probability, ids, objects = self._objects(answer, rel_depth)
         return Estimate(
             t_us=(start_us + stop_us) // 2,
             start_us=start_us,
@@ -66,8 +65,23 @@ class ObjectFinder:
             confidence=confidence,
             valid=self._valid,
             ego=answer.ego,
-            objects=measured(ids, rel_depth, rel_velocities(found, answer)),
+            objects=objects,
         )
+
+    def _objects(
+        self, answer: Answer, rel_depth: F4
+    ) -> tuple[F4, U1, tuple[MovingObject, ...]] | tuple[None, None, None]:
+        """Moving probability and ids (H, W), and the objects; nothing of a model that says nothing of what moves."""
+        if answer.moving is None or answer.velocity is None:
+            return None, None, None
+        moving = (answer.moving > 0.5) & self._inside
+        labels = regions(moving, answer.velocity, smallest_px=self._smallest_px)
+        found = self._identities.follow(labels)
+        probability = self._to_sensor.bilinear(answer.moving)
+        ids = self._to_sensor.nearest(found)
+        ids[~(self._valid & (probability > 0.5))] = 0
+        velocities = rel_velocities(found, moving=answer.moving, velocity=answer.velocity)
+        return probability, ids, measured(ids, rel_depth, velocities)
 
     def nothing(self, *, start_us: int, stop_us: int) -> Estimate:
         """Return the estimate of the next slice [start_us, stop_us) if it has no events: nothing is known of it."""
@@ -78,14 +92,14 @@ class ObjectFinder:
             t_us=(start_us + stop_us) // 2,
             start_us=start_us,
             stop_us=stop_us,
-            moving_probability=empty,
-            ids=empty.astype(np.uint8),
+            moving_probability=empty if self._wanted else None,
+            ids=empty.astype(np.uint8) if self._wanted else None,
             rel_depth=empty,
             flow=self._nothing,
             confidence=empty,
             valid=empty > 0,
             ego=np.full(6, np.nan),
-            objects=(),
+            objects=() if self._wanted else None,
             has_events=False,
         )
 
@@ -116,7 +130,7 @@ def _median(values: F4) -> float:
     return float(np.partition(values, middle)[[*middle]].mean())
 
 
-def rel_velocities(ids: U1, answer: Answer) -> F8:
-    """Each id's velocity (256, 3): the mean over its pixels, weighted by moving probability."""
-    weight, weighted, _ = weighted_sums(ids, answer.moving, answer.velocity)
+def rel_velocities(ids: U1, *, moving: F4, velocity: F4) -> F8:
+    """Each id's velocity (256, 3): the mean of `velocity` over its pixels, weighted by moving probability."""
+    weight, weighted, _ = weighted_sums(ids, moving, velocity)
     return weighted / np.where(weight > 0, weight, 1)[:, None]

@@ -18,7 +18,7 @@ from evimo.writing import OutputFolder
 
 Output = TypeVar("Output", Tables, EstimatesFile, EventsFile, "Video")
 
-OPTIONAL = ("estimates.h5", "events.h5", "video.mp4")
+OPTIONAL = ("objects.csv", "estimates.h5", "events.h5", "video.mp4")
 FASTEST_FPS = 60.0  # players drop images beyond their screen's rate: rather leave out slices
 
 
@@ -36,7 +36,9 @@ class Outputs:
         """
         self._watch = run.stopwatch
         self._open = ExitStack()
-        self._tables = self._opened(Tables(folder.path("egomotion.csv"), folder.path("objects.csv")))
+        self._tables = self._opened(
+            Tables(folder.path("egomotion.csv"), folder.path("objects.csv") if run.network.finds_objects else None)
+        )
         self._maps = self._events = self._video = None
         network = run.network
         about = {"recording": run.events.path.name, "model": network.name}
@@ -52,7 +54,7 @@ class Outputs:
     ) -> None:
         if dense:
             path, valid = folder.path("estimates.h5"), run.rectification.valid
-            maps = EstimatesFile(path, valid, attributes=about, watch=run.stopwatch)
+            maps = EstimatesFile(path, valid, attributes=about, watch=run.stopwatch, objects=run.network.finds_objects)
             self._maps = self._opened(maps)
         if run.labels_events:
             events = EventsFile(folder.path("events.h5"), attributes=about, watch=run.stopwatch)

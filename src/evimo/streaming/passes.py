@@ -36,6 +36,12 @@ class Stacked(NamedTuple):
     stack: EventStack
 
 
+def near(stacks: Generator[Stacked], span: Span) -> Generator[Stacked]:
+    """The stacks of the span's slices, and of a neighbour to each side."""
+    with closing(stacks):
+        yield from (each for each in stacks if span.is_near(each.part.index))
+
+
 class Looked(NamedTuple):
     """A stack, and what the first pass says of its middle slice; None where that has no events."""
 

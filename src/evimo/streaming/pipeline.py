@@ -57,7 +57,8 @@ def run(
     Args:
         events: a recording, from `open_events`; or its path; or events in memory: `Events`, a structured array with
             fields t, x, y and p, or an array (N, 4) whose columns are t, x, y and p; t in whole µs.
-        model: a preset's name, or the path of an ONNX file, or `classical`, the training-free method.
+        model: a preset's name, or the path of an ONNX file, or `classical`, the training-free method; `ecn`
+            finds no moving objects.
         camera: of the sensor, or the path of a calibration file; without it what the recording says of itself, else a
             guess (with a warning).
         sensor: (height, width) in px, where the recording does not tell; of events in memory the camera's is known.
@@ -71,7 +72,7 @@ def run(
     Raises:
         NotFound, BadFile: the model, or the recording or calibration at that path.
         BadInput: `events` are none, or not on the camera; the camera is of another size; the span holds no complete
-            slice; `imu` is neither.
+            slice; `imu` is neither; `event_labels` of a model that finds no objects.
     """
     recording = _recording(events, sensor, camera if isinstance(camera, Camera) else None)
     if isinstance(camera, str | Path):
@@ -130,6 +131,11 @@ class Run:
         """See `run`."""
         if imu not in ("auto", "off"):
             raise BadInput(f"no way {imu!r} to use an IMU", fix="auto or off")
+        if event_labels and not network.finds_objects:
+            raise BadInput(
+                f"{network.name} finds no objects that events could belong to",
+                fix="no --event-labels, or --model small",
+            )
         self.events = events
         self.network = network
         self.span = span_of(events, start_s=start_s, stop_s=stop_s)
@@ -140,7 +146,7 @@ class Run:
         self.stopwatch = Stopwatch()
         self._passes = passes_of(network, self.rectification, self.stopwatch)
         self._agreement = Agreement(self.rectification)
-        self.finder = ObjectFinder(self.rectification)
+        self.finder = ObjectFinder(self.rectification, wanted=network.finds_objects)
         self._labeller = EventLabeller(self.rectification) if event_labels else None
         self._rotation = NO_ROTATION if imu == "off" else None
 

@@ -16,28 +16,32 @@ OBJECT_COLUMNS = ("t_us", "object", "x0", "y0", "x1", "y1", "area_px", "centroid
 
 
 class Tables:
-    """Both tables of a run, written as it goes.
+    """The tables of a run, written as it goes.
 
     t_us is the slice's centre in the recording's own time. `rel_` velocities are in mean depths per second, wx, wy, wz
     in rad/s, all in camera axes, and those of a slice without events are empty. Boxes (last column and row included)
     and centroids are in sensor px.
     """
 
-    def __init__(self, egomotion: Path, objects: Path) -> None:
-        self._files = [path.open("w", newline="", encoding="utf-8") for path in (egomotion, objects)]
-        self._ego, self._objects = (csv.writer(file, lineterminator="\n") for file in self._files)
+    def __init__(self, egomotion: Path, objects: Path | None) -> None:
+        """Start them; `objects` is None for a model that finds none."""
+        self._files = [path.open("w", newline="", encoding="utf-8") for path in (egomotion, objects) if path]
+        self._ego, *objects_table = (csv.writer(file, lineterminator="\n") for file in self._files)
         self._ego.writerow(EGO_COLUMNS)
-        self._objects.writerow(OBJECT_COLUMNS)
+        self._objects = objects_table[0] if objects_table else None
+        if self._objects:
+            self._objects.writerow(OBJECT_COLUMNS)
 
     def write(self, estimate: Estimate) -> None:
         """Add one slice."""
         self._ego.writerow((estimate.t_us, *(_rounded(*estimate.ego) if estimate.has_events else [""] * 6)))
-        for one in estimate.objects:
+        for one in estimate.objects or ():
             numbers = _rounded(*one.centroid, one.rel_distance, *one.rel_velocity)
+            assert self._objects, "a table of objects where there are any"
             self._objects.writerow((estimate.t_us, one.id, *one.box, one.area_px, *numbers))
 
     def close(self) -> None:
-        """Finish both files."""
+        """Finish the files."""
         with ExitStack() as both:  # the second one even where the first fails
             for file in self._files:
                 both.callback(file.close)

@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 from torch.utils.tensorboard.writer import SummaryWriter
 
 from evimo.events.stack import SLICES
-from evimo.model.motion_net import MotionNet
+from evimo.losses.depth import mean_over
+from evimo.model.networks import Model
 from evimo.recordings.prepared import Prepared
 from evimo.training.logs import Log, log_rows
-from evimo.training.validation import middle_events, slice_answered, validated
+from evimo.training.validation import estimates_masks, middle_events, slice_answered, validated
 from evimo.writing import explained
 
 PICTURES = 4  # recordings that are shown, in the middle
@@ -34,7 +36,7 @@ class Curves:
         self._losses(step, terms)
         self._draw("loss", step, terms)
 
-    def validate(self, step: int, model: MotionNet) -> None:
+    def validate(self, step: int, model: Model) -> None:
         """Score a model, and show events, true masks and called masks side by side."""
         scores = validated(model, self.recordings, every=SLICES_SCORED)
         self._scores(step, scores)
@@ -48,13 +50,25 @@ class Curves:
             self._writer.add_scalar(f"{group}/{name}", value, step)
 
 
-def picture(model: MotionNet, recording: Prepared) -> NDArray[np.uint8]:
-    """Events, true mask and called mask of the middle slice side by side, (1, h, 3 w) uint8, at half the size."""
+def picture(model: Model, recording: Prepared) -> NDArray[np.uint8]:
+    """Events, truth and answer of the middle slice side by side, (1, h, 3 w) uint8, at half the size.
+
+    Masks; of a network that says nothing of what moves, what is near: mean depth is grey, half of it is white.
+    """
     batch, answer = slice_answered(model, recording, len(recording) // 2)
     events = (middle_events(batch) / 3).clamp(max=1)
-    called = (answer.mixture[:, :1] < 0.5) & (batch.valid > 0)
-    panels = torch.cat((events, batch.moving.float(), called.float()), dim=-1)
+    if estimates_masks(model):
+        true, said = batch.moving.float(), ((answer.mixture[:, :1] < 0.5) & (batch.valid > 0)).float()
+    else:
+        true = _nearness(batch.depth / mean_over(batch.depth, batch.depth_valid), batch.depth_valid)
+        said = _nearness(answer.rel_depth, batch.valid > 0)
+    panels = torch.cat((events, true, said), dim=-1)
     return (255 * panels[0]).byte().numpy()
+
+
+def _nearness(rel_depth: Tensor, known: Tensor) -> Tensor:
+    """0.5 at the mean depth, 1 at half of it and nearer, 0 where nothing is known."""
+    return torch.where(known, 0.5 / rel_depth.clamp(min=0.5), 0)
 
 
 @contextmanager

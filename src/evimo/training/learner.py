@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from evimo.errors import EvimoWarning
-from evimo.model.motion_net import MotionNet
+from evimo.model.networks import Model, compute_in, network_of
 from evimo.training.batches import Batch
 from evimo.training.config import TrainConfig
 from evimo.training.devices import Team
@@ -22,14 +22,14 @@ class Learner:
     by the number of its samples, and the sum over all processes is the loss and the gradient of the whole batch.
     """
 
-    def __init__(self, model: MotionNet, config: TrainConfig, team: Team) -> None:
+    def __init__(self, model: Model, config: TrainConfig, team: Team) -> None:
         """See the class; on a GPU, features lie channels-last, and the passes are replayed from a CUDA graph."""
         self.device = next(model.parameters()).device
         if self.device.type == "cuda":
             model.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]  # missing in torch's types
         self.model, self.config, self.team = model.train(), config, team
         self.recipe = RECIPES[config.recipe]
-        model.compute_in(torch.bfloat16 if config.bfloat16 else torch.float32)
+        compute_in(model, torch.bfloat16 if config.bfloat16 else torch.float32)
         self.optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate, betas=(0.9, 0.99))
         self.average = {name: value.detach().clone() for name, value in model.state_dict().items()}
         self._names: list[str] = []
@@ -62,9 +62,9 @@ class Learner:
             self.average[name].lerp_(value.detach(), 1 - keep)
         return dict(zip(self._names, said.tolist(), strict=True))
 
-    def averaged(self) -> MotionNet:
+    def averaged(self) -> Model:
         """A model with the moving average of the weights, on the CPU."""
-        model = MotionNet(self.model.config)
+        model = network_of(self.model.config)
         model.load_state_dict({name: value.cpu() for name, value in self.average.items()})
         return model.eval()
 

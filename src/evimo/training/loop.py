@@ -14,7 +14,8 @@ import numpy as np
 
 from evimo.errors import BadInput
 from evimo.model.checkpoint import load_tensors, save_model, save_tensors
-from evimo.model.motion_net import MotionNet
+from evimo.model.ecn import Ecn
+from evimo.model.networks import Model
 from evimo.training.batches import Batch
 from evimo.training.config import TrainConfig
 from evimo.training.data import Row, drawn_row, stacked
@@ -33,14 +34,19 @@ class Trainer:
     Every sample depends on the seed, its step and its place in the batch alone, whatever process draws it.
     """
 
-    def __init__(self, model: MotionNet, config: TrainConfig, source: Source, out: Path, *, team: Team = ALONE) -> None:
+    def __init__(self, model: Model, config: TrainConfig, source: Source, out: Path, *, team: Team = ALONE) -> None:
         """See the class.
 
         Raises:
-            BadInput: no such recipe, or more processes than samples in a batch.
+            BadInput: no such recipe, or one for other networks; or more processes than samples in a batch.
         """
         if config.recipe not in RECIPES:
             raise BadInput(f"no recipe {config.recipe!r}", fix=f"one of {', '.join(RECIPES)}")
+        fitting = [name for name, recipe in RECIPES.items() if isinstance(model, Ecn) != bool(recipe.first)]
+        if config.recipe not in fitting:
+            raise BadInput(
+                f"the recipe {config.recipe!r} does not train this network", fix=f"--recipe {' or '.join(fitting)}"
+            )
         if team.size > config.batch:
             raise BadInput(f"{team.size} processes for batches of {config.batch}", fix="a larger --batch")
         self.learner = Learner(model, config, team)
@@ -109,7 +115,7 @@ class Trainer:
         """Samples so far in this run."""
         return self.step * self.config.batch
 
-    def averaged(self) -> MotionNet:
+    def averaged(self) -> Model:
         """A model with the moving average of the weights, on the CPU."""
         return self.learner.averaged()
 

@@ -18,8 +18,10 @@ from evimo.losses.smoothness import depth_smoothness, mixture_smoothness
 from evimo.losses.total import total, weighted_total
 from evimo.losses.warp import coarse_warp_loss, fine_warp_loss
 from evimo.model.backbone import reduced
+from evimo.model.ecn import Ecn
 from evimo.model.first_pass import FIRST_STEP, FirstAnswer
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
+from evimo.model.networks import Model
 from evimo.model.second_pass import Compensation, compensation
 from evimo.training.batches import Batch
 from evimo.training.recipes import Recipe
@@ -106,8 +108,11 @@ def first_terms(answer: FirstAnswer, batch: Batch, mean_depth: Tensor, recipe: R
     return {name: named[name]() for name, weight in recipe.first.items() if weight}
 
 
-def as_prediction(answer: FirstAnswer, intrinsics: Tensor) -> Prediction:
-    """What the first pass alone would answer: that nothing moves by itself."""
+def as_prediction(answer: FirstAnswer, intrinsics: Tensor, *, step: int = FIRST_STEP) -> Prediction:
+    """What the first pass alone would answer: that nothing moves by itself.
+
+    step: px of the rectified image per pixel of the answer.
+    """
     still = torch.zeros_like(answer.rel_depth)
     per_second = SLICES_PER_S / intrinsics[:, :2, None, None]
     return Prediction(
@@ -118,29 +123,44 @@ def as_prediction(answer: FirstAnswer, intrinsics: Tensor) -> Prediction:
         seen=answer.flow * per_second,
         taken=answer.flow * 0,
         confidence=still + 1,
-        intrinsics=resized_intrinsics(intrinsics, (FIRST_STEP, FIRST_STEP), (1, 1)),
+        intrinsics=resized_intrinsics(intrinsics, (step, step), (1, 1)),
         valid=answer.valid,
     )
 
 
-def objective(model: MotionNet, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[str, Tensor]]:
-    """The total loss of a batch over both passes and all scales, and the mean of each term, detached.
+def looked_once(model: Ecn, batch: Batch) -> list[Prediction]:
+    """What the network that looks once says of a batch, from the coarsest to the finest scale."""
+    answers, _ = model(batch.voxels, batch.valid, batch.intrinsics)
+    steps = [FIRST_STEP * 2**k for k in reversed(range(len(answers)))]
+    return [as_prediction(answer, batch.intrinsics, step=step) for answer, step in zip(answers, steps, strict=True)]
+
+
+def objective(model: Model, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[str, Tensor]]:
+    """The total loss of a batch over all passes and scales, and the mean of each term, detached.
 
     Every sample weighs the same and none depends on another: the loss of a batch is the mean of its samples' losses.
     Nothing here asks a GPU for a number, so that a CUDA graph can hold it.
     """
     mean_depth = mean_over(batch.depth, batch.depth_valid)
-    first = model.first(batch.voxels, batch.fits, batch.candidates, batch.valid, batch.intrinsics, batch.rotation)
-    of_first = first_terms(first, batch, mean_depth, recipe)
-    answers = model.second(
-        batch.sharp_voxels, batch.sharp_fits, batch.valid, taken_out(batch, first), batch.intrinsics, batch.rotation
-    )
+    of_first: dict[str, Tensor] = {}
+    if isinstance(model, Ecn):
+        answers = looked_once(model, batch)
+    else:
+        first = model.first(batch.voxels, batch.fits, batch.candidates, batch.valid, batch.intrinsics, batch.rotation)
+        of_first = first_terms(first, batch, mean_depth, recipe)
+        answers = looked_again(model, batch, first)
     per_scale = [terms(answer, at_scale(batch, answer), mean_depth, recipe) for answer in answers]
     joined = {f"first_{name}": weighted_total([value]) for name, value in of_first.items()}
     joined |= {name: weighted_total([scale[name] for scale in per_scale]) for name in per_scale[0]}
     weights = {f"first_{name}": recipe.first[name] for name in of_first}
     weights |= {name: recipe.weights[name] for name in per_scale[0]}
     return total(joined, weights), {name: value.detach() for name, value in joined.items()}
+
+
+def looked_again(model: MotionNet, batch: Batch, first: FirstAnswer) -> list[Prediction]:
+    """What the second pass says of a batch, from the coarsest to the finest scale."""
+    taken = taken_out(batch, first)
+    return model.second(batch.sharp_voxels, batch.sharp_fits, batch.valid, taken, batch.intrinsics, batch.rotation)
 
 
 def taken_out(batch: Batch, first: FirstAnswer) -> Compensation:
@@ -214,22 +234,15 @@ def _px_per_s(flow: Tensor, prediction: Prediction) -> Tensor:
     return flow * prediction.intrinsics[:, :2, None, None]
 
 
-def slice_frames(counts: Tensor) -> Tensor:
-    """Return the paper's image of each slice, both counts and the mean time, (B, 5, 3, h, w), for its coarse warp loss.
-
-    From counts (B, 30, h, w) by slice, bin and polarity; times are those of bins.
-    """
-    by_slice = counts.unflatten(1, (SLICES, BINS, 2))
-    times = (torch.arange(BINS, device=counts.device) + 0.5) / BINS
-    events = by_slice.sum(3)
-    time = (events * times.view(1, 1, BINS, 1, 1)).sum(2) / events.sum(2).clamp(min=1e-6)
-    return torch.cat((by_slice.sum(2), time[:, :, None]), dim=2)
+def slice_counts(counts: Tensor) -> Tensor:
+    """Each slice's events of either polarity, (B, 5, 2, h, w), from counts (B, 30, h, w) by slice, bin and polarity."""
+    return counts.unflatten(1, (SLICES, BINS, 2)).sum(2)
 
 
 def _coarse_warp(flow: Tensor, prediction: Prediction, batch: Batch) -> Tensor:
     elapsed_s = (torch.arange(SLICES, device=flow.device) - SLICES // 2) / SLICES_PER_S
-    frames = slice_frames(batch.voxels)
-    return coarse_warp_loss(frames, _px_per_s(flow, prediction), batch.valid > 0, elapsed_s=elapsed_s)
+    counts, flow_px = slice_counts(batch.voxels), _px_per_s(flow, prediction)
+    return coarse_warp_loss(counts, flow_px, batch.valid > 0, elapsed_s=elapsed_s)
 
 
 def _fine_warp(flow: Tensor, prediction: Prediction, batch: Batch) -> Tensor:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 class Recipe:
     """Weights of the terms of `objective`; a term that is not named has weight 0.
 
-    first:        terms of the first pass.
+    first:        terms of the first pass; a network that looks once is trained by recipes without any.
     weights:      terms of the answer, that is of the second pass.
     moving_share: what moving pixels weigh in a sample's mask loss, whatever their number.
     """
@@ -30,6 +30,8 @@ RECIPES = {
             "depth_smoothness": 0.1,
         },
     ),
+    # The paper's rival, by warping alone; it needs no truth.
+    "ecn": Recipe(weights={"coarse_warp": 1.0, "fine_warp": 1.0, "depth_smoothness": 0.1}),
     # What ships: the simulator's own flow and twist supervise motion, both sides of the mask count.
     "shipped": Recipe(
         first={"seen": 1.0, "rigid": 0.5, "twist": 0.5, "depth": 0.3},

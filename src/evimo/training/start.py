@@ -12,7 +12,7 @@ import torch
 from evimo.errors import BadFile, BadInput
 from evimo.jobs.crew import Crew
 from evimo.model.checkpoint import load_model
-from evimo.model.motion_net import MotionNet
+from evimo.model.networks import Model, network_of
 from evimo.model.presets import PRESETS
 from evimo.model.widening import widened
 from evimo.recordings.finding import recordings_in
@@ -86,12 +86,12 @@ def started(
         yield trainer
 
 
-def _model(preset: str, grown_from: Path | None) -> MotionNet:
+def _model(preset: str, grown_from: Path | None) -> Model:
     if preset not in PRESETS:
         if grown_from:
             raise BadInput(f"{preset} has weights of its own", fix=f"a shape to grow to: {', '.join(PRESETS)}")
         return load_model(preset)
-    return widened(load_model(grown_from), PRESETS[preset]) if grown_from else MotionNet(PRESETS[preset])
+    return widened(load_model(grown_from), PRESETS[preset]) if grown_from else network_of(PRESETS[preset])
 
 
 def check_data(data: list[Path], config: TrainConfig) -> None:

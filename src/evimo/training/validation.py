@@ -3,25 +3,27 @@
 The full scores are those of `evimo evaluate`; these choose weights and draw learning curves.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from evimo.evaluation.metrics import depth_errors
 from evimo.events.direct_alignment import aligned
 from evimo.events.local_motion import motion_candidates
 from evimo.events.stack import CELL, SLICES, StaticMotion, plane_fits, voxel_grid
 from evimo.geometry.rectification import halved_mask
 from evimo.losses.depth import mean_over
+from evimo.model.ecn import Ecn
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
-from evimo.model.second_pass import Compensation
+from evimo.model.networks import Model
 from evimo.recordings.prepared import Prepared
 from evimo.training.batches import Batch
 from evimo.training.data import DEPTH_STEP, HALF, stack_of, true_motion, whole_batch
-from evimo.training.objective import mask_known, taken_out
+from evimo.training.objective import as_prediction, looked_again, mask_known
 
 FIRST_AND_LAST = HALF  # slices at either end that are not scored: their stacks are not whole
 
@@ -43,10 +45,13 @@ class Sums:
     rotation_zero: float = 0.0
     translation: float = 0.0
     translation_zero: float = 0.0
+    depth: float = 0.0
+    depths: int = 0
 
     def scores(self) -> dict[str, float]:
         """IoU per frame with a mover, pooled event IoU, share of events called moving where nothing does, and the
-        errors of flow, of the static flow that was taken out, of rotation and of translation as shares of zero's.
+        errors of flow, of the static flow that was taken out, of rotation and of translation as shares of zero's; and
+        AbsRel of the depth, median scale. What a network does not say is no number.
         """
         pairs = {
             "iou": (self.iou, self.frames),
@@ -56,13 +61,14 @@ class Sums:
             "static_flow": (self.rigid, self.flow_zero),
             "rotation": (self.rotation, self.rotation_zero),
             "translation": (self.translation, self.translation_zero),
+            "depth": (self.depth, self.depths),
         }
         return {name: top / bottom if bottom else float("nan") for name, (top, bottom) in pairs.items()}
 
 
 @torch.no_grad()
 def validated(
-    model: MotionNet, recordings: Sequence[Prepared], *, every: int = 5, gyroscope: bool = False, oracle: bool = False
+    model: Model, recordings: Sequence[Prepared], *, every: int = 5, gyroscope: bool = False, oracle: bool = False
 ) -> dict[str, float]:
     """Return the scores of a model on recordings, of one slice in `every`; see `Sums.scores`.
 
@@ -76,13 +82,34 @@ def validated(
             continue
         whole = range(FIRST_AND_LAST, len(recording) - FIRST_AND_LAST, every)
         middles = sorted(set(whole) & set(recording.middles().tolist()))
-        wanted = sorted({k + d for k in middles for d in range(-HALF, HALF + 1)})
-        firsts = {k: _first(model, recording, k, gyroscope=gyroscope) for k in wanted}
-        for k in middles:
-            batch, taken, answer = _answered(model, recording, k, firsts, gyroscope=gyroscope, oracle=oracle)
-            _add_masks(sums, answer, batch)
-            _add_motion(sums, answer, batch, taken.rigid)
+        for batch, answer in _answers(model, recording, middles, gyroscope=gyroscope, oracle=oracle):
+            if estimates_masks(model):
+                _add_masks(sums, answer, batch)
+            _add_motion(sums, answer, batch)
+            _add_depth(sums, answer, batch)
     return sums.scores()
+
+
+def estimates_masks(model: Model) -> bool:
+    """Whether the network says what moves by itself."""
+    return not isinstance(model, Ecn)
+
+
+def _answers(
+    model: Model, recording: Prepared, middles: Sequence[int], *, gyroscope: bool = False, oracle: bool = False
+) -> Iterator[tuple[Batch, Prediction]]:
+    """Each slice as the network sees it, whole, and the finest scale of its answer, at half the size."""
+    if isinstance(model, Ecn):
+        for k in middles:
+            batch = whole_batch(recording, [k], [true_motion(recording, k)], model.config.stride)
+            finest, _ = model.finest(batch.voxels, batch.valid, batch.intrinsics)
+            said = as_prediction(finest, batch.intrinsics, step=CELL)
+            yield batch, said._replace(taken=said.seen)  # all it sees is the static world's
+        return
+    wanted = sorted({k + d for k in middles for d in range(-HALF, HALF + 1)})
+    firsts = {k: _first(model, recording, k, gyroscope=gyroscope) for k in wanted}
+    for k in middles:
+        yield _answered(model, recording, k, firsts, gyroscope=gyroscope, oracle=oracle)
 
 
 def _rotation(recording: Prepared, k: int, gyroscope: bool) -> Tensor:
@@ -102,11 +129,9 @@ def _first(model: MotionNet, recording: Prepared, k: int, *, gyroscope: bool) ->
 
 
 @torch.no_grad()
-def slice_answered(model: MotionNet, recording: Prepared, k: int) -> tuple[Batch, Prediction]:
-    """What both passes say of one slice, two slices from either end at least, beside the truth."""
-    firsts = {k + d: _first(model, recording, k + d, gyroscope=False) for d in range(-HALF, HALF + 1)}
-    batch, _, answer = _answered(model, recording, k, firsts, gyroscope=False, oracle=False)
-    return batch, answer
+def slice_answered(model: Model, recording: Prepared, k: int) -> tuple[Batch, Prediction]:
+    """What the network says of one slice, two slices from either end at least, beside the truth."""
+    return next(_answers(model, recording, [k]))
 
 
 def _answered(
@@ -117,18 +142,15 @@ def _answered(
     *,
     gyroscope: bool,
     oracle: bool,
-) -> tuple[Batch, Compensation, Prediction]:
-    """The slice as the second pass sees it, what was taken out, and the answer."""
+) -> tuple[Batch, Prediction]:
+    """The slice as the second pass sees it, and the answer."""
     first = firsts[k]
     twist = torch.cat([firsts[k + d].ego for d in range(-HALF, HALF + 1)]).numpy()
     own = StaticMotion(twist, (1 / first.rel_depth)[0, 0].numpy(), DEPTH_STEP, np.asarray(recording.intrinsics))
     motion = true_motion(recording, k) if oracle else aligned(stack_of(recording, k), own, known_rotation=gyroscope)
     batch = whole_batch(recording, [k], [motion], model.config.stride)
-    taken = taken_out(batch, first)
-    answer = model.second(
-        batch.sharp_voxels, batch.sharp_fits, batch.valid, taken, batch.intrinsics, _rotation(recording, k, gyroscope)
-    )[-1]
-    return batch, taken, answer
+    batch = batch._replace(rotation=_rotation(recording, k, gyroscope))
+    return batch, looked_again(model, batch, first)[-1]
 
 
 def middle_events(batch: Batch) -> Tensor:
@@ -150,19 +172,27 @@ def _add_masks(sums: Sums, answer: Prediction, batch: Batch) -> None:
     sums.either += float((events * (called | moving)).sum())
 
 
-def _add_motion(sums: Sums, answer: Prediction, batch: Batch, rigid: Tensor) -> None:
+def _add_motion(sums: Sums, answer: Prediction, batch: Batch) -> None:
     at = (middle_events(batch) > 0) & batch.depth_valid
     focal_px = batch.intrinsics[:, :2, None, None] / SLICES_PER_S
     truth = batch.flow * focal_px
     if at.any():
         count = at.sum()
         sums.flow += float(((answer.seen * focal_px - truth).norm(dim=1, keepdim=True) * at).sum() / count)
-        static = torch.nn.functional.interpolate(rigid, scale_factor=2.0, mode="bilinear")
         still = at & ~batch.moving
-        sums.rigid += float(((static - truth).norm(dim=1, keepdim=True) * still).sum() / still.sum().clamp(min=1))
+        static = ((answer.taken * focal_px - truth).norm(dim=1, keepdim=True) * still).sum()
+        sums.rigid += float(static / still.sum().clamp(min=1))
         sums.flow_zero += float((truth.norm(dim=1, keepdim=True) * at).sum() / count)
     scale = mean_over(batch.depth, batch.depth_valid).flatten()[:, None]
     sums.rotation += float((answer.ego[:, 3:] - batch.ego[:, 3:]).norm())
     sums.rotation_zero += float(batch.ego[:, 3:].norm())
     sums.translation += float((answer.ego[:, :3] * scale - batch.ego[:, :3]).norm())
     sums.translation_zero += float(batch.ego[:, :3].norm())
+
+
+def _add_depth(sums: Sums, answer: Prediction, batch: Batch) -> None:
+    known = ((batch.valid > 0) & batch.depth_valid)[0, 0].numpy()
+    if known.any():
+        errors = depth_errors(answer.rel_depth[0, 0].numpy(), batch.depth[0, 0].numpy(), known, scale="median")
+        sums.depth += errors.abs_rel
+        sums.depths += 1

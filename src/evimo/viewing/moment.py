@@ -45,9 +45,13 @@ def estimated(estimate: Estimate) -> Moment:
     """The moment of an estimate; unknown velocities are drawn as zero."""
     marks = tuple(
         Mark(one.id, one.box, one.centroid, np.nan_to_num(np.asarray(one.rel_velocity, np.float64)))
-        for one in estimate.objects
+        for one in estimate.objects or ()
     )
-    headline = f"{len(marks)} moving object{'' if len(marks) == 1 else 's'}" if estimate.has_events else "no events"
+    headline = f"{len(marks)} moving object{'' if len(marks) == 1 else 's'}"
+    if estimate.objects is None:
+        headline = "moving objects not estimated"
+    if not estimate.has_events:
+        headline = "no events"
     ego = np.nan_to_num(estimate.ego)
     return Moment(estimate.t_us, estimate.start_us, estimate.stop_us, ego, marks, headline)
 

@@ -1,5 +1,8 @@
 """One frame of the video: events, moving objects, depth, velocity and camera motion of one slice."""
 
+import numpy as np
+from numpy.typing import NDArray
+
 from evimo.events.events import Events
 from evimo.recordings.estimate import Estimate
 from evimo.viewing.colours import Image
@@ -45,18 +48,27 @@ class Panels:
         Raises:
             BadInput: the maps have another size than the sensor.
         """
-        self._frame.check(estimate.ids.shape)
+        self._frame.check(estimate.rel_depth.shape)
         moment, painter = estimated(estimate), self._frame.painter
         self._history.add(moment)
         image = self._frame.empty.copy()
         events_panel, mask, depth, velocity = self._frame.panels(image)
-        levels, ids, valid = event_levels(events, painter.zoom), estimate.ids, estimate.valid
+        levels, valid = event_levels(events, painter.zoom), estimate.valid
+        ids, moving, known = _masks(estimate)
         painter.events(events_panel, levels)
-        painter.mask(mask, levels, ids=ids, moving=estimate.moving, valid=valid)
+        painter.mask(mask, levels, ids=ids, moving=moving, valid=known)
         painter.outlines(mask, ids, moment.marks)
         painter.labels(mask, moment.marks)
         painter.depth(depth, estimate.rel_depth, valid=valid)
         full = self._history.speed_limit
-        painter.velocity(velocity, levels, moment.marks, ids=ids, valid=valid, full=full)
+        painter.velocity(velocity, levels, moment.marks, ids=ids, valid=known, full=full)
         self._sidebar.draw(image, moment, events=len(events), history=self._history, time_origin_us=time_origin_us)
         return image
+
+
+def _masks(estimate: Estimate) -> tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Ids, what moves, and where both are known; that is nowhere if the model does not estimate them."""
+    if estimate.ids is None or estimate.moving is None:
+        nothing = np.zeros(estimate.valid.shape, np.bool_)
+        return nothing.view(np.uint8), nothing, nothing
+    return estimate.ids, estimate.moving, estimate.valid
