@@ -194,7 +194,7 @@ def test_what_does_not_fit_is_one_error(words, said, runs, recordings, tmp_path,
 def test_an_empty_folder_is_one_error(runs, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert main(["benchmark", "--data", str(tmp_path / "empty"), "--out", str(tmp_path / "out"), *MODELS]) == 2
-    assert "no recording in" in capsys.readouterr().err
+    assert "no recording with truth in" in capsys.readouterr().err
 
 
 def test_recordings_of_another_plan_are_refused(runs, tmp_path, capsys):
