@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from evimo.geometry.camera import Camera
 
+F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 
 SEGMENT_PX = 8.0  # of a straight line in space, whose image is looked at
@@ -30,7 +31,7 @@ class LensTables(NamedTuple):
     numbers: F8
     singles: tuple[np.float32, ...]
     fisheye: bool
-    rays: F8
+    rays: F4
     bounds: F8
     farthest2: float
     stretch: float
@@ -53,7 +54,7 @@ def lens_tables(camera: Camera) -> LensTables:
         numbers,
         tuple(numbers.astype(np.float32)),
         camera.lens == "fisheye",
-        rays,
+        rays.astype(np.float32),
         bounds,
         farthest**2,
         _stretch(camera, rays),

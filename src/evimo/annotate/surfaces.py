@@ -13,7 +13,7 @@ F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
 
-CHUNK, BLOCK = 16_384, 256  # discs or triangles: of a chunk, which has levels; of a block, which is in view or not
+CHUNK, BLOCK = 4_096, 256  # discs or triangles: of a chunk, which has levels; of a block, which is in view or not
 
 
 class Surfaces(NamedTuple):

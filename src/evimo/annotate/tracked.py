@@ -22,7 +22,7 @@ Bools = NDArray[np.bool_]
 
 VOID_US = 1_000_000  # an object's last place is void for so long after it is lost; then nobody knows where it is
 ROOM, VOID = 254, 255  # codes in the image of what is seen, beside the ids of objects
-FINE_OBJECT, FINE_ROOM = 0.7, 1.5  # px, radius of discs: an object's outline is its mask
+FINE_OBJECT, FINE_ROOM = 0.7, 2.0  # px, radius of discs: an object's outline is its mask
 
 
 class Body(NamedTuple):

@@ -251,13 +251,17 @@ def _draw_triangles(corners, pose, lens, numbers, code, depth, seen):
 
 
 @jit
-def fill_pinholes(depth, seen):
+def fill_pinholes(lens, depth, seen):
     """Close holes of one pixel between discs: pixels that are farther than seven of the eight around them."""
     height, width = depth.shape
     before, codes = depth.copy(), seen.copy()  # lest one that is closed closes the next, and so a slit
     for row in range(height):
         for column in range(width):
             limit, nearer, around, best, code = DEEPER * before[row, column], 0, 0, 0.0, 0
+            if column > 0 and row > 0 and before[row, column - 1] >= limit and before[row - 1, column] >= limit:
+                continue  # two that are not nearer are too many: most pixels end here
+            if np.isnan(lens.rays[row, column, 0]):
+                continue
             for down in range(max(row - 1, 0), min(row + 2, height)):
                 for right in range(max(column - 1, 0), min(column + 2, width)):
                     if down == row and right == column:
@@ -277,6 +281,5 @@ def drawn(surfaces, lens, poses, codes, fine):
     depth, seen = np.full(size, np.inf, np.float32), np.zeros(size, np.uint8)
     draw(surfaces, lens, np.ascontiguousarray(poses, np.float64), np.asarray(codes, np.uint8), fine, depth, seen)
     if surfaces.discs.shape[1]:
-        fill_pinholes(depth, seen)
-        seen[~np.isfinite(lens.rays[..., 0])] = 0
+        fill_pinholes(lens, depth, seen)
     return depth, seen
