@@ -129,6 +129,14 @@ def test_times_that_are_none_are_named(tmp_path, text, kind, words):
         instants_of("-3")
 
 
+def test_times_outside_the_recording_and_no_threads_are_refused(captured):
+    capture = open_capture(captured[0])
+    with pytest.raises(BadInput, match="none of the times"):
+        _ = Annotation(capture, Instants(listed_us=(10**9,))).frames
+    with pytest.raises(BadInput, match="0 threads"):
+        Annotation(capture, Instants(), threads=0)
+
+
 def test_events_are_cut_whatever_their_packets():
     t = np.arange(20, dtype=np.int64)
     zero = np.zeros(20, np.uint16)

@@ -80,8 +80,8 @@ def test_a_cloud_on_a_sphere_is_the_sphere(camera, count, radius, fine):
     well_inside = b * b - a * (centre @ centre - (0.85 * radius) ** 2) > 0
     assert (seen[well_inside] == 1).all()
     limit = 0.02 if count == 2_000 else 0.004 if radius < 0.1 else 0.002
-    right = np.abs(depth / exact - 1)[well_inside] < limit
-    assert right.mean() > (0.99 if count == 2_000 else 0.999)  # through the thinnest, a pixel may see the other side
+    wrong = np.abs(depth / exact - 1)[well_inside] > limit
+    assert wrong.sum() <= max(1, (0.01 if count == 2_000 else 0.001) * len(wrong))  # one may see the other side
 
 
 def test_a_slanted_plane_of_few_points_has_its_exact_depth():

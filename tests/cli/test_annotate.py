@@ -73,6 +73,17 @@ def test_long_captures_become_parts_and_only_missing_ones_are_made(desk, tmp_pat
     assert "3 recordings in" in (said := capsys.readouterr().out) and "1 of them made now" in said
 
 
+def test_a_part_in_which_the_camera_is_lost_is_left_out(desk, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("evimo.annotate.annotation.PART_US", 75_000)
+    text = (desk / "mocap.csv").read_text().splitlines()
+    kept = [line for line in text if ",Rig," not in line or float(line.partition(",")[0]) < 0.07]
+    (desk / "mocap.csv").write_text("\n".join(kept))
+    assert main(["annotate", str(desk), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr()
+    assert "1 recordings in" in said.out and "no pose of the camera from 75000 to 150000" in said.err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["desk_000000"]
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -1,6 +1,7 @@
 """Captures to recordings with truth: events as they are, depth, objects and motion drawn at the times asked for."""
 
 import math
+import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from evimo.annotate.lens import lens_tables
 from evimo.annotate.tracked import ROOM, VOID, Placed, TrackedScene, tracked_scene
 from evimo.annotate.zbuffer import drawn
 from evimo.captures.capture import Capture
-from evimo.errors import BadFile, BadInput, NotFound
+from evimo.errors import BadFile, BadInput, EvimoWarning, NotFound
 from evimo.events.events import Events, joined
 from evimo.events.slices import SLICE_US
 from evimo.formats.event_file import EventFile
@@ -96,6 +97,8 @@ class Annotation:
     def __post_init__(self) -> None:
         if self.layout not in LAYOUTS:
             raise BadInput(f"no layout {self.layout!r}", fix=f"one of {', '.join(LAYOUTS)}")
+        if self.threads < 1:
+            raise BadInput(f"{self.threads} threads", fix="1 or more")
 
     @cached_property
     def events(self) -> EventFile:
@@ -112,10 +115,21 @@ class Annotation:
         """Its poses and scans."""
         return tracked_scene(self.capture)
 
-    @property
-    def parts(self) -> int:
-        """How many recordings it becomes, of five minutes each."""
-        return max(1, math.ceil((self.events.stop_us - self._origin_us) / PART_US))
+    @cached_property
+    def frames(self) -> dict[int, int]:
+        """How many instants each of its recordings has, which last five minutes; those without any are left out.
+
+        Raises:
+            BadInput: there is none in the whole recording.
+        """
+        count = math.ceil((self.events.stop_us - self._origin_us) / PART_US)
+        frames = {part: len(self.instants.between(*self.span(part))) for part in range(count)}
+        if not any(frames.values()):
+            span = f"{self.events.start_us} to {self.events.stop_us}"
+            raise BadInput(
+                f"none of the times lies in {self.events.path.name}, {span} µs", fix="times in its own clock"
+            )
+        return {part: number for part, number in frames.items() if number}
 
     @property
     def _origin_us(self) -> int:
@@ -137,7 +151,7 @@ class Annotation:
 
     def missing(self, out: Path) -> list[int]:
         """The parts that are not there yet."""
-        return [part for part in range(self.parts) if not self.path(out, part).exists()]
+        return [part for part in self.frames if not self.path(out, part).exists()]
 
     def times(self, part: int) -> I8:
         """The instants of a part at which the camera was tracked."""
@@ -149,16 +163,20 @@ class Annotation:
     def write(self, out: Path, part: int) -> Iterator[int]:
         """Make one part, and yield after each instant how many of its frames are done.
 
+        A part of several at none of whose instants the camera was tracked is left out, with a warning.
+
         Raises:
-            BadInput: the camera was tracked at none of its instants, or it cannot be written.
+            BadInput: the camera was tracked at none of the instants of the only part, or it cannot be written.
         """
         times_us = self.times(part)
         if not len(times_us):
             start_us, stop_us = self.span(part)
-            raise BadInput(
-                f"{self.capture.path}: no pose of the camera from {start_us} to {stop_us} µs of the recording",
-                fix="`offset_us` in `mocap` brings the clock of motion capture to that of the events",
-            )
+            problem = f"{self.capture.path}: no pose of the camera from {start_us} to {stop_us} µs of the recording"
+            if len(self.frames) > 1:
+                warnings.warn(f"{problem}, which is left out", EvimoWarning, stacklevel=2)
+                return
+            fix = "`offset_us` in `mocap` brings the clock of motion capture to that of the events"
+            raise BadInput(problem, fix=fix)
         borders = np.append((times_us[1:] + times_us[:-1]) // 2, self.span(part)[1])
         cut = events_until(self.events.packets(*self.span(part)), borders)
         with self._writer(self.path(out, part)) as writer:

@@ -37,14 +37,14 @@ def annotate(
 
     annotation = Annotation(open_capture(capture), instants_of(rate), layout, threads)
     make_folder(out)
-    missing, parts = annotation.missing(out), annotation.parts
-    lengths = {part: len(annotation.instants.between(*annotation.span(part))) for part in range(parts)}
-    with progress(sum(lengths.values()), "frames") as advance:
-        advance(sum(lengths.values()) - sum(lengths[part] for part in missing), made=False)
+    frames, missing = annotation.frames, annotation.missing(out)
+    with progress(sum(frames.values()), "frames") as advance:
+        advance(sum(count for part, count in frames.items() if part not in missing), made=False)
         for part in missing:
-            left = lengths[part]
+            left = frames[part]
             for _ in annotation.write(out, part):
                 left -= 1
                 advance()
             advance(left, made=False)  # instants at which the camera was lost
-    print(f"{parts} recordings in {out}, {len(missing)} of them made now")
+    there = len(frames) - len(annotation.missing(out))
+    print(f"{there} recordings in {out}, {there - len(frames) + len(missing)} of them made now")
