@@ -158,7 +158,7 @@ class Annotation:
         times_us = self.instants.between(*self.span(part))
         if not len(times_us):
             return times_us
-        return times_us[self.scene.camera.trajectory.at(times_us).valid]
+        return times_us[self.scene.camera.path.at(times_us).valid]
 
     def write(self, out: Path, part: int) -> Iterator[int]:
         """Make one part, and yield after each instant how many of its frames are done.

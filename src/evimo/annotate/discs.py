@@ -10,10 +10,10 @@ F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
 
-NEIGHBOURS = 13  # the point itself among them, whose plane is the disc's
+NEIGHBOURS = 16  # the point itself among them, whose plane is the disc's
 DIRECTIONS = 16  # in that plane, in which the point's cell is measured
 BETWEEN = 1.05  # a cell reaches farther between two directions
-REACH = 7  # no cell reaches farther than to this neighbour: at the rim of a scan they are open
+REACH = 11  # no cell reaches farther than to this neighbour: at the rim of a scan they are open
 WIDEST = 3.0  # medians of the radii: points on their own are not drawn larger
 FEWEST = 400  # points of the coarsest level
 COARSER = 1.5  # of the distance between points from one level to the next
@@ -83,8 +83,10 @@ def _cell_radius(flat: F8) -> F8:
 
 
 def _one_in_each_cell(points: F8, step: float) -> I8:
-    """Indices of one point in each cube of a grid that holds any."""
-    cell = np.floor((points - points.min(axis=0)) / step).astype(np.int64)
+    """Indices of the point next to the middle of each cube of a grid that holds any."""
+    place = (points - points.min(axis=0)) / step
+    cell = np.floor(place).astype(np.int64)
     sizes = cell.max(axis=0) + 1
     key = (cell[:, 0] * sizes[1] + cell[:, 1]) * sizes[2] + cell[:, 2]
-    return np.sort(np.unique(key, return_index=True)[1])
+    order = np.lexsort((((place - cell - 0.5) ** 2).sum(axis=1), key))
+    return np.sort(order[np.unique(key[order], return_index=True)[1]])

@@ -1,18 +1,17 @@
 """Where the camera and the objects of a capture were at any time, and how fast, from motion capture at 200 Hz."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.annotate.paths import BodyPath
 from evimo.annotate.surfaces import Surfaces, surfaces_of
 from evimo.captures.capture import Capture
-from evimo.captures.tracks import MocapTrack
 from evimo.errors import BadInput
 from evimo.geometry.rotations import inverse_poses
-from evimo.geometry.trajectory import Motion, Trajectory, fit_trajectory
+from evimo.geometry.trajectory import Motion
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.truth import ObjectTruth
 
@@ -26,14 +25,14 @@ FINE_OBJECT, FINE_ROOM = 0.7, 2.0  # px, radius of discs: an object's outline is
 
 
 class Body(NamedTuple):
-    """A rigid body's trajectory, and a frame fixed on it whose motion is asked for: (4, 4)."""
+    """A rigid body's path, and a frame fixed on it whose motion is asked for: (4, 4)."""
 
-    trajectory: Trajectory
+    path: BodyPath
     body_from_frame: F8
 
     def at(self, times_us: I8) -> Motion:
         """The frame's poses and twists, in its own axes."""
-        motion = self.trajectory.at(times_us)
+        motion = self.path.at(times_us)
         rotation, offset = self.body_from_frame[:3, :3], self.body_from_frame[:3, 3]
         velocity, spin = motion.twist[:, :3], motion.twist[:, 3:]
         twist = np.concatenate(((velocity + np.cross(spin, offset)) @ rotation, spin @ rotation), axis=1)
@@ -106,11 +105,8 @@ class TrackedScene:
 
     def _lost(self, k: int, times_us: I8) -> NDArray[np.int64]:
         """The code of a lost object: void where it was seen last, for a while."""
-        stops = self.objects[k].trajectory.stops_us
-        if not len(stops):
-            return np.zeros(len(times_us), np.int64)
-        last = stops[np.maximum(np.searchsorted(stops, times_us) - 1, 0)]
-        return np.where((times_us > last) & (times_us - last < VOID_US), VOID, 0)
+        since_us = times_us - self.objects[k].path.last_seen_us(times_us)
+        return np.where((since_us > 0) & (since_us < VOID_US), VOID, 0)
 
 
 def tracked_scene(capture: Capture) -> TrackedScene:
@@ -123,7 +119,7 @@ def tracked_scene(capture: Capture) -> TrackedScene:
     _check_calibrated(capture)
     tracks = capture.tracks()
     assert capture.camera.body_from_cam is not None
-    camera = Body(_fitted(tracks, capture.camera.body), capture.camera.body_from_cam)
+    camera = Body(BodyPath(tracks[capture.camera.body]), capture.camera.body_from_cam)
     scans = [each.load() for each in capture.objects]
     bodies, middles = list[Body](), list[F8]()
     for each, scan in zip(capture.objects, scans, strict=True):
@@ -131,7 +127,7 @@ def tracked_scene(capture: Capture) -> TrackedScene:
         middle = np.eye(4)
         middle[:3, 3] = (scan.points.min(axis=0) + scan.points.max(axis=0)) / 2
         middles.append(middle)
-        bodies.append(Body(_fitted(tracks, each.body), each.body_from_scan @ middle))
+        bodies.append(Body(BodyPath(tracks[each.body]), each.body_from_scan @ middle))
     room = capture.room
     fine = [FINE_OBJECT] * len(bodies) + [FINE_ROOM] * (room is not None)
     return TrackedScene(
@@ -154,10 +150,3 @@ def _check_calibrated(capture: Capture) -> None:
             raise BadInput(f"{capture.path}: `{name}` lacks `body_from_scan`", fix="evimo locate-markers finds it")
     if not capture.objects and capture.room is None:
         raise BadInput(f"{capture.path} has neither objects nor a room", fix="`objects` with their scans")
-
-
-def _fitted(tracks: Mapping[str, MocapTrack], body: str) -> Trajectory:
-    track = tracks[body]
-    seen = np.flatnonzero(track.tracked)
-    poses = track.picked(seen).world_from_body
-    return fit_trajectory(track.times_us[seen], poses)
