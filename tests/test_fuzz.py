@@ -41,7 +41,7 @@ def test_whole_files_are_read(fuzz, tmp_path):
         for name, content in seed.files.items():
             (folder / name).write_bytes(content)
         try:
-            fuzz.read(folder / seed.opened, calibration=seed.calibration)
+            fuzz.read(folder / seed.opened, kind=seed.kind)
         except BadFile:
             refused.add(seed.name)
     assert {"a pickle", "YAML that runs"} <= refused
@@ -53,6 +53,7 @@ def test_whole_files_are_read(fuzz, tmp_path):
         "written aedat4",
         "kalibr",
         "camera_info",
+        *(seed.name for seed in fuzz.seeds(None) if seed.kind == "predictions"),
     }
 
 
@@ -67,9 +68,9 @@ def test_whole_files_are_read(fuzz, tmp_path):
 )
 def test_what_is_wrong_is_found(fuzz, tmp_path, monkeypatch, wrong, fault):
     (tmp_path / "a.txt").write_text("1 2 3 0\n")
-    assert fuzz.fault_of(tmp_path / "a.txt", tmp_path, calibration=False) is None
+    assert fuzz.fault_of(tmp_path / "a.txt", tmp_path, kind="recording") is None
     monkeypatch.setattr(fuzz, "read", wrong)
-    assert fault in fuzz.fault_of(tmp_path / "a.txt", tmp_path, calibration=False)
+    assert fault in fuzz.fault_of(tmp_path / "a.txt", tmp_path, kind="recording")
 
 
 def test_the_same_index_is_the_same_file(fuzz):

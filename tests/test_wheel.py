@@ -71,7 +71,7 @@ def top_level(dist: Distribution) -> set[Path]:
 def test_wheel_holds_weights_sample_licence_and_types(wheel: Path):
     names = set(zipfile.ZipFile(wheel).namelist())
     weights = {f"evimo/model/weights/{name}.{kind}" for name in ("base", "small", "tiny") for kind in KINDS}
-    assert {"evimo/py.typed", *weights} <= names
+    assert {"evimo/py.typed", "evimo/benchmark/page.html.jinja", *weights} <= names
     assert any(re.fullmatch(r"evimo/samples/[^/]+\.npz", name) for name in names)
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
 

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -197,3 +198,40 @@ def test_hidden_means_within_the_folder_that_is_searched(tmp_path):
     found = shown((path for path in folder.rglob("*")), below=folder)
     assert sorted(path.name for path in found) == ["a", "d"]
     assert MARKER.startswith(".")
+
+
+@pytest.mark.parametrize("at", ["mkdir", "locked", "remove_leftovers"])
+def test_a_signal_while_folders_are_made_leaves_none(tmp_path, monkeypatch, at):
+    """It may come after any line, here right after the one that made something."""
+    import evimo.writing as writing
+
+    home, name = (Path, at) if at == "mkdir" else (writing, at)
+    usual = getattr(home, name)
+
+    def interrupted(*of, **how):
+        usual(*of, **how)
+        if at != "mkdir" or of[0].name.startswith(MARKER):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(home, name, interrupted)
+    with pytest.raises(KeyboardInterrupt), OutputFolder(tmp_path / "new" / "out"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("at", ["rmtree", "rmdir"])
+def test_a_signal_while_folders_are_removed_leaves_none(tmp_path, monkeypatch, at):
+    import evimo.writing as writing
+
+    home, signals = writing.shutil if at == "rmtree" else Path, [KeyboardInterrupt()]
+    usual = getattr(home, at)
+
+    def interrupted(*of, **how):
+        if signals:
+            raise signals.pop()
+        return usual(*of, **how)
+
+    with pytest.raises(KeyboardInterrupt), OutputFolder(tmp_path / "new" / "out") as outputs:
+        outputs.path("a.txt").write_text("a")
+        monkeypatch.setattr(home, at, interrupted)
+    assert list(tmp_path.iterdir()) == [] and not signals

@@ -7,9 +7,8 @@ of these folders belong to nobody any more, and removes them.
 
 import errno
 import os
+import secrets
 import shutil
-import sys
-import tempfile
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,9 +16,9 @@ from types import TracebackType
 from typing import BinaryIO, Self
 
 from evimo.errors import BadInput
+from evimo.locks import LOCK, locked, remove
 
 MARKER = ".unfinished-"  # hidden, so that whatever passes over hidden folders passes over it
-LOCK = "lock"
 FIX = "another --out, or more room on the disk"
 DISK = ("ENOSPC", "EDQUOT", "EFBIG", "EROFS", "EIO", "ESTALE", "ENODEV", "ENXIO", "ENOTCONN")
 """What only a disk says, whatever the file."""
@@ -41,6 +40,7 @@ class OutputFolder:
         """
         self.folder, self._fix, self._names = Path(folder), fix, names or Path(folder)
         self._made: list[Path] = []
+        self._hidden = self.folder / MARKER  # until it has a name of its own
 
     def __enter__(self) -> Self:
         """Make the folders.
@@ -50,14 +50,31 @@ class OutputFolder:
         """
         self._made = [path for path in (self.folder, *self.folder.parents) if not path.exists()]
         try:
-            with explained(self._names, fix=self._fix):
-                self.folder.mkdir(parents=True, exist_ok=True)
-                remove_leftovers(self.folder)
-                self._hidden, self._lock = _locked_folder(self.folder)
-        except BadInput:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            remove_leftovers(self.folder)
+            self._lock = self._begun()
+        except BaseException as error:  # a signal may come at any of these lines
+            shutil.rmtree(self._hidden, ignore_errors=True)
             self._remove_made()
+            if isinstance(error, OSError) and _is_about(error, self.folder):
+                raise _unwritable(self._names, error, self._fix) from error
             raise
         return self
+
+    def _begun(self) -> BinaryIO:
+        """Make the hidden folder, and return its lock; another one where somebody takes it for a leftover before.
+
+        Its name is known before it is made, so that it can be removed whatever happens.
+
+        Raises:
+            OSError: it cannot be made.
+        """
+        while True:
+            self._hidden = self.folder / f"{MARKER}{secrets.token_hex(6)}"
+            self._hidden.mkdir(mode=0o700)
+            with suppress(FileNotFoundError):
+                if (lock := locked(self._hidden, unsure=True)) is not None:
+                    return lock
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -67,8 +84,11 @@ class OutputFolder:
         Raises:
             BadInput: the disk was full, or could not be written any more.
         """
-        _remove(self._hidden, self._lock)
-        self._remove_made()
+        try:
+            self._remove_hidden()
+        except BaseException:  # a signal that came meanwhile
+            self._remove_hidden()
+            raise
         if isinstance(error, OSError) and _is_about(error, self.folder):
             raise _unwritable(self._names, error, self._fix) from error
 
@@ -97,6 +117,10 @@ class OutputFolder:
                 if not (self.folder / name).is_dir():
                     os.replace(self.path(name), self.folder / name)
         return [self.folder / name for name in new]
+
+    def _remove_hidden(self) -> None:
+        remove(self._hidden, self._lock)
+        self._remove_made()
 
     def _remove_made(self) -> None:
         for made in self._made:
@@ -154,6 +178,24 @@ def save_files(folder: str | Path, contents: Mapping[str, str | bytes]) -> None:
         outputs.keep()
 
 
+@contextmanager
+def held_folder(parent: Path) -> Generator[Path]:
+    """A hidden folder that this process holds while the `with` lasts, so that others see by it that it lives."""
+    with OutputFolder(parent) as outputs:
+        yield outputs.path(LOCK).parent
+
+
+def is_held(hidden: Path) -> bool:
+    """Whether somebody holds a hidden folder, if need be on another machine; of what cannot be locked, it is there."""
+    try:
+        lock = locked(hidden, unsure=False)
+    except OSError as error:
+        return error.errno != errno.ENOENT
+    if lock is not None:
+        lock.close()
+    return lock is None
+
+
 def make_folder(folder: Path, *, fix: str = FIX) -> None:
     """Make a folder where it is missing, and make sure that it can be written: now rather than after hours of work.
 
@@ -194,9 +236,9 @@ def remove_leftovers(folder: Path) -> None:
         return
     for path in left:
         with suppress(OSError):
-            lock = _locked(path, unsure=False)
+            lock = locked(path, unsure=False)
             if lock is not None:
-                _remove(path, lock)
+                remove(path, lock)
 
 
 def _check_free_of_folders(path: Path) -> None:
@@ -214,66 +256,3 @@ def _is_about(error: OSError, path: Path) -> bool:
 
 def _unwritable(path: Path, error: OSError, fix: str) -> BadInput:
     return BadInput(f"cannot write {path}: {error.strerror or error}", fix=fix)
-
-
-def _locked_folder(parent: Path) -> tuple[Path, BinaryIO]:
-    """A new hidden folder and its lock; another one where somebody takes the first for a leftover before it is locked.
-
-    Raises:
-        OSError: it cannot be made.
-    """
-    while True:
-        folder = Path(tempfile.mkdtemp(prefix=MARKER, dir=parent))
-        try:
-            lock = _locked(folder, unsure=True)
-        except FileNotFoundError:
-            continue
-        except OSError:
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
-        if lock is not None:
-            return folder, lock
-
-
-def _locked(folder: Path, *, unsure: bool) -> BinaryIO | None:
-    """The lock of a hidden folder, open; None where another process has it.
-
-    unsure: whether it is ours where files cannot be locked at all, as on some network disks.
-
-    Raises:
-        OSError: there is no such folder any more, or no lock can be made in it.
-    """
-    path = folder / LOCK
-    lock = path.open("ab")
-    try:
-        if _take(lock, unsure=unsure) and os.path.samestat(os.fstat(lock.fileno()), path.stat()):
-            return lock
-    except BaseException:
-        lock.close()
-        raise
-    lock.close()
-    return None
-
-
-def _take(lock: BinaryIO, *, unsure: bool) -> bool:
-    """Whether an open file could be locked; `unsure` where files cannot be locked at all."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(lock.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        return unsure and error.errno in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
-    return True
-
-
-def _remove(folder: Path, lock: BinaryIO) -> None:
-    """Remove a hidden folder whose lock we have; the lock last, and on Windows after it is closed."""
-    if sys.platform != "win32":
-        shutil.rmtree(folder, ignore_errors=True)
-    lock.close()
-    shutil.rmtree(folder, ignore_errors=True)

@@ -1,5 +1,6 @@
 """Every command on machines as they are: full and read-only disks, closed outputs, signals."""
 
+import importlib
 import os
 import signal
 import subprocess
@@ -8,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -15,8 +17,9 @@ from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 from evimo.simulate.plan import RecordingPlan
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="made of Linux's own means")]
-WRITING = ("run", "view", "simulate", "train", "evaluate", "realism")
+WRITING = ("run", "view", "simulate", "train", "evaluate", "realism", "benchmark")
 COMMANDS = (*WRITING, "info")
+KEEPING = ("train", "benchmark")  # what is finished, so that the next one goes on from there
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,7 @@ class Inputs:
             "train": [film, "--preset", "tiny", "--steps", "2", "--batch", "1", "--out", str(out)],
             "evaluate": [film, "--model", model, "--out", str(out)],
             "realism": [ours, "--simulated", film, "--out", str(out)],
+            "benchmark": ["--data", film, "--models", model, "--out", str(out)],
             "info": [ours],
         }
         return [command, *each[command]]
@@ -98,7 +102,7 @@ def test_a_full_disk_is_two_lines_and_nothing_half_written(command, room_k, inpu
     assert told_in_two_lines(err), err
     assert str(place) in err
     left = [path for path in place.rglob("*") if path.is_file() and path.name != "fill"]
-    assert [path for path in left if command != "train" or path.name.startswith(".")] == []
+    assert [path for path in left if command not in KEEPING or path.name.startswith(".")] == []
 
 
 @pytest.mark.parametrize("command", WRITING)
@@ -127,23 +131,34 @@ def test_an_output_without_room_is_two_lines(command, inputs, tmp_path):
     assert "No space left" in err
 
 
+@pytest.fixture(scope="module")
+def machines() -> ModuleType:
+    """The script that makes the table of docs/machines.md."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2] / "bench"))
+        return importlib.import_module("machines")
+
+
+@pytest.fixture(scope="module")
+def long_inputs(machines, tmp_path_factory, fake_network):
+    return machines.made_inputs(tmp_path_factory.mktemp("long"), model=str(fake_network))
+
+
 @pytest.mark.parametrize(
     "command, number",
-    [*((each, signal.SIGTERM) for each in WRITING), *(("simulate", each) for each in (signal.SIGHUP, signal.SIGINT))],
+    [
+        *((each, signal.SIGTERM) for each in (*COMMANDS, "evaluate --truth")),
+        *(("simulate", each) for each in (signal.SIGHUP, signal.SIGINT)),
+    ],
 )
-def test_signals_end_every_command(command, number, inputs, tmp_path):
-    longer = {"simulate": ["--minutes", "5"], "train": ["--steps", "9999"], "view": ["--speed", "0.001"]}
-    arguments = inputs.arguments(command, tmp_path / "out")
-    arguments = [each for each in arguments if each not in ("0.005", "--minutes", "--steps", "2")]
-    process = started([*arguments, *longer.get(command, [])], stdin=subprocess.DEVNULL)
-    time.sleep(4)
-    process.send_signal(number)
-    _, err = process.communicate(timeout=100)
-    if process.returncode == 0:
-        pytest.skip("it had ended before")
-    assert process.returncode == 128 + number, err
+def test_signals_end_every_command(command, number, machines, long_inputs, tmp_path):
+    """As soon as it works, however fast the machine is: it is halted there until the signal has come."""
+    arguments = long_inputs.arguments(command, tmp_path / "out", long=True)
+    works = machines.at_work(command, long_inputs, tmp_path / "out")
+    code, err = machines.signalled(arguments, number, works=works)
+    assert code == 128 + number, err
     assert "Traceback" not in err
-    assert [path for path in (tmp_path / "out").rglob(".*")] == []
+    assert machines.hidden_in(tmp_path) == []
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])

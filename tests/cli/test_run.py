@@ -1,3 +1,4 @@
+import csv
 import json
 import signal
 import subprocess
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import av
 import h5py
+import numpy as np
 import pytest
 
 from evimo.cli import main
@@ -72,7 +74,10 @@ def test_event_labels_are_a_file_of_their_own(recording, fake_network, tmp_path)
     assert main(["run", str(recording), "--model", str(fake_network), *arguments]) == 0
     assert names_in(tmp_path / "o") == ALL - {"video.mp4", "estimates.h5"} | {"events.h5"}
     with h5py.File(tmp_path / "o" / "events.h5") as saved:
-        assert len(saved["object"]) == len(saved["t_us"]) > 0
+        t_us = np.loadtxt(recording, dtype=np.int64)[:, 0]
+        assert saved["t_us"][:].tolist() == t_us[t_us < t_us[-1] // 25_000 * 25_000].tolist()
+        in_table = {int(row["object"]) for row in csv.DictReader((tmp_path / "o" / "objects.csv").open())}
+        assert set(saved["object"][:].tolist()) - {0} == in_table != set()
     assert json.loads((tmp_path / "o" / "summary.json").read_text())["settings"]["event_labels"] is True
 
 

@@ -60,7 +60,7 @@ def test_named_columns_are_taken_by_name(tmp_path, events, rows):
 
 @QUIET
 @given(
-    t=st.lists(st.integers(0, 10**13), min_size=1, max_size=20).map(sorted),
+    t=st.lists(st.integers(0, 10**13), min_size=1, max_size=8).map(sorted),
     seed=st.integers(0, 99),
 )
 def test_microseconds_survive_seconds_in_float64(tmp_path, t, seed):

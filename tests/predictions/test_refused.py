@@ -182,3 +182,30 @@ def test_a_list_of_times_that_does_not_fit_the_pictures_is_refused(truth, all_id
     cv2.imwrite(str(tmp_path / "png" / "frame_0.png"), all_ids[0])
     (tmp_path / "png" / "times.csv").write_text(lines)
     refused(tmp_path / "png", truth, BadFile, words)
+
+
+def test_a_picture_that_says_it_is_huge_takes_no_memory(save_pictures, truth, all_ids, tmp_path, monkeypatch):
+    pictures = save_pictures(tmp_path / "png", all_ids)
+    path = pictures / f"{CENTRES_US[0]:012d}.png"
+    content = bytearray(path.read_bytes())
+    content[16:24] = (30_000).to_bytes(4, "big") * 2
+    path.write_bytes(content)
+    monkeypatch.setattr(cv2, "imread", lambda *_: pytest.fail("it was decoded"))
+    refused(pictures, truth, BadInput, "30000 x 30000")
+
+
+def test_a_list_of_times_that_is_no_text_is_one_error(save_pictures, truth, all_ids, tmp_path):
+    pictures = save_pictures(tmp_path / "png", all_ids)
+    (pictures / "times.csv").write_bytes(b"a.png,\xff\xfe\n")
+    refused(pictures, truth, BadFile, "not name,time")
+
+
+@pytest.mark.parametrize("name", ["attributes", "a dataset"])
+def test_hdf5_that_breaks_inside_is_one_error(save_estimates, truth, all_ids, tmp_path, monkeypatch, name):
+    path = save_estimates(tmp_path / "estimates.h5", all_ids)
+
+    def broken(*_):
+        raise RuntimeError("bad heap signature")
+
+    monkeypatch.setattr(*((h5py.AttributeManager, "__iter__") if name == "attributes" else (h5py.Group, "get")), broken)
+    refused(path, truth, BadFile, "is damaged: bad heap signature")

@@ -24,6 +24,7 @@ COMMANDS = {
     "annotate": "Make the truth of a capture from motion capture and scans.",
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",
+    "benchmark": "Repeat the paper's experiments, and write their tables and a page.",
     "realism": "Compare simulated events with real ones.",
 }
 

@@ -3,10 +3,13 @@
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from evimo.cli.progress import progress
 from evimo.errors import BadInput, check_installed
+from evimo.jobs.crew import ALONE, Crew
 from evimo.writing import make_folder
 
 if TYPE_CHECKING:
@@ -15,7 +18,7 @@ if TYPE_CHECKING:
     from evimo.simulate.replica import ReplicaPlan
 
 SIMULATING = ("scipy", "skimage", "trimesh")
-REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers, --device"
+REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers, --dask, --device"
 
 
 def simulate(
@@ -28,13 +31,13 @@ def simulate(
     size: str | None = None,
     seconds: float = 1.0,
     camera: Literal["random", "evimo"] | None = None,
-    population: Literal["stress", "replica"] = "stress",
+    population: Literal["stress", "replica", "planar"] = "stress",
     part: Literal["train", "test"] | None = None,
     layout: Literal["evimo2", "evimo1"] = "evimo2",
     events: Literal["aedat4", "raw"] | None = None,
     texture_dir: Path | None = None,
     mesh_dir: Path | None = None,
-    workers: int = 1,
+    crew: Annotated[Crew, Parameter(name="*")] = ALONE,
     device: Literal["cpu", "cuda"] = "cpu",
     replica: bool = False,
 ) -> None:
@@ -54,26 +57,27 @@ def simulate(
         sensor: size, thresholds and noise of this event camera.
         size: WxH in pixels, if not the sensor's own.
         seconds: of each recording; whole slices of 0.025 s.
-        camera: random lenses, or EV-IMO's own scaled to the size, which is what the population replica has by default.
-        population: of scenes; stress is harder than what people film, replica is toys played with, as in EV-IMO.
+        camera: random lenses, or EV-IMO's own scaled to the size, which the populations replica and planar have by
+            default.
+        population: of scenes; stress is harder than what people film, replica is toys played with, as in EV-IMO, planar
+            is one wall and nothing that moves, before a camera that neither rolls nor pitches.
         part: train or test; textures, and shapes or some kinds of toys, of one are never in the other.
         layout: of EVIMO2, a folder, which is what the other commands take, or of EV-IMO's first version, an .npz.
         events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
         texture_dir: folder of PNG and JPEG pictures; textures are cut from them, besides those of the package.
         mesh_dir: folder of PLY, OBJ, STL, OFF and GLB files, or scans of points as PLY; four in ten things are these.
-        workers: processes.
+        crew: who simulates.
         device: that renders and fires the pixels; cuda is an NVIDIA GPU, of which all workers have their share; it
             needs evimo[cuda], and its events differ a little from the CPU's.
-        replica: of EV-IMO; takes minutes, seed, size, workers, device and both folders, none of the other choices.
+        replica: of EV-IMO; takes minutes, seed, size, workers, dask, device and both folders, nothing else.
     """
     check_installed("simulating", *SIMULATING, extra="simulate")
     from evimo.simulate.film import check_device
     from evimo.simulate.own_folders import OwnFolders
-    from evimo.simulate.workers import check_workers
 
     check_device(device)
-    check_workers(workers)
-    own, pixels = OwnFolders(texture_dir, mesh_dir), _size(size)
+    crew.check()
+    own, pixels = OwnFolders(texture_dir, mesh_dir), pixels_of(size)
     if replica:
         given = (set, sensor, seconds, camera, layout, events, population, part)
         if given != ("all", "davis346", 1.0, None, "evimo2", None, "stress", None):
@@ -81,7 +85,7 @@ def simulate(
         from evimo.simulate.replica import MINUTES, ReplicaPlan
 
         length = MINUTES if minutes is None else minutes
-        _write_replica(ReplicaPlan(minutes=length, seed=seed, size=pixels, own=own, device=device), out, workers)
+        _write_replica(ReplicaPlan(minutes=length, seed=seed, size=pixels, own=own, device=device), out, crew)
         return
     if minutes is None:
         raise BadInput("no length", fix="--minutes M, or --replica")
@@ -93,17 +97,17 @@ def simulate(
         seed=seed, set_number=_set_number(set), seconds=seconds, size=pixels, part=part, own=own, **made
     )
     plan = DatasetPlan(first=first, minutes=minutes, every_set=set == "all", layout=layout, events=events)
-    _write_dataset(plan, out, workers)
+    _write_dataset(plan, out, crew)
 
 
-def _write_dataset(plan: "DatasetPlan", out: Path, workers: int) -> None:
+def _write_dataset(plan: "DatasetPlan", out: Path, crew: Crew) -> None:
     from evimo.simulate.dataset import simulate_dataset
 
     _read(plan.first.own)
     make_folder(out)
     there = sum(plan.is_complete(out, seed) for seed in plan.seeds)
     with progress(len(plan.seeds), "recordings") as advance:
-        for number, _ in enumerate(simulate_dataset(plan, out, workers=workers)):
+        for number, _ in enumerate(simulate_dataset(plan, out, crew=crew)):
             advance(made=number >= there)
     print(f"{len(plan.seeds)} recordings in {out}, {len(plan.seeds) - there} of them made now")
 
@@ -115,14 +119,14 @@ def _read(own: "OwnFolders") -> None:
     own.check()
 
 
-def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
+def _write_replica(plan: "ReplicaPlan", out: Path, crew: Crew) -> None:
     from evimo.simulate.replica import simulate_replica
 
     _read(plan.own)
     make_folder(out)
     present = {sequence.path for sequence in plan.sequences if (out / sequence.path).exists()}
     with progress(round(sum(sequence.seconds for sequence in plan.sequences), 3), "s of recording") as advance:
-        for sequence in simulate_replica(plan, out, workers=workers):
+        for sequence in simulate_replica(plan, out, crew=crew):
             advance(sequence.seconds, made=sequence.path not in present, facts=sequence.path)
     print(f"{len(plan.sequences)} recordings in {out}, {len(plan.sequences) - len(present)} of them made now")
 
@@ -134,7 +138,12 @@ def _set_number(text: str) -> int:
     return 1 if text == "all" else int(text)
 
 
-def _size(text: str | None) -> tuple[int, int] | None:
+def pixels_of(text: str | None) -> tuple[int, int] | None:
+    """Height and width of a text such as 346x260.
+
+    Raises:
+        BadInput: it is none.
+    """
     if text is None:
         return None
     match = re.fullmatch(r"(\d+)x(\d+)", text)

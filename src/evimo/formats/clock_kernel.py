@@ -72,7 +72,7 @@ def ahead_of_clock(times, at, state, final):
     if count > 0 and times[at] - state[NEWEST] > max(LONG_US, length):
         if count < AHEAD and valid == AHEAD:
             return ANEW
-        if count >= AHEAD and valid < AHEAD:
+        if valid < AHEAD and 8 * (valid + 1) <= count:
             return OUTLIER
     return accepted(times[at], state)
 

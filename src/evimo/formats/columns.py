@@ -4,20 +4,30 @@ import re
 from collections.abc import Sequence
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, BadInput
+from evimo.formats.time_units import TimeUnit
 
 LETTERS = "txyp"
 NAMES = {
-    "t": {"t", "ts", "time", "timestamp", "timestamps", "t_us", "time_us", "timestamp_us"},
+    "t": {"t", "ts", "time", "times", "timestamp", "timestamps"},
     "x": {"x", "xs", "col", "column"},
     "y": {"y", "ys", "row"},
     "p": {"p", "ps", "pol", "polarity", "polarities", "on"},
 }
+UNITS: dict[str, TimeUnit] = {
+    **dict.fromkeys(("s", "sec", "secs", "seconds"), "s"),
+    **dict.fromkeys(("ms", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "µs", "μs", "\ufffds", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nanoseconds"), "ns"),
+}
+UNIT = re.compile(rf"[_\s\[(]+({'|'.join(UNITS)})[\])]?$")  # as in t_us, time [ms] and timestamp(ns)
 MOST_COLUMNS = 12
+UNIX_S = 10**8  # seconds since 1970 are more
 LARGEST_PIXEL = 16384  # beyond every sensor
 FEW_ROWS = 10  # fewer say nothing of what rises
 FIX = "name the columns in their order with --columns, a letter each, as in txyp or xytp; _ for one to leave out"
@@ -39,10 +49,42 @@ def named_columns(words: Sequence[str]) -> str | None:
     """Return the letters of columns by the words of a heading, _ for others; None if it does not name all four."""
     letters = ""
     for word in words:
-        name = re.sub(r"[\[(@].*", "", word.strip("\"'").lower()).strip()
-        found = next((letter for letter, names in NAMES.items() if name in names), "_")
+        plain = word.strip("\"'").lower()
+        name, of_time = re.sub(r"[\[(@].*", "", plain).strip(), UNIT.sub("", plain).strip()
+        found = next((letter for letter, names in NAMES.items() if (of_time if letter == "t" else name) in names), "_")
         letters += "_" if found in letters else found
     return letters if set(LETTERS) <= set(letters) else None
+
+
+def named_unit(words: Sequence[str], columns: str) -> TimeUnit | None:
+    """Return the unit that the heading of the time's column tells, as in t_us or `time [ms]`; None where it does not.
+
+    `columns` are the letters of the words.
+    """
+    match = UNIT.search(words[columns.index("t")].strip("\"'").lower())
+    return UNITS[match[1]] if match else None
+
+
+def refuse_split_times(path: Path, sample: NDArray[np.float64], columns: str) -> None:
+    """Refuse times in two columns, seconds and what is left of them: alone, the second starts anew each second.
+
+    Raises:
+        BadFile: the column before the times does not fall, and rises where they start anew, or is a date.
+    """
+    at = columns.index("t") - 1
+    if at < 0 or columns[at] != "_" or len(sample) < 2:
+        return
+    seconds, rest = sample[:, at], sample[:, at + 1]
+    rises, anew = np.diff(seconds), np.diff(rest) < 0
+    if not np.isfinite(seconds).all() or (rises < 0).any() or (seconds != np.rint(seconds)).any():
+        return
+    carried = anew.any() and bool((rises[anew] > 0).all()) and 2 * np.count_nonzero(rises) < len(rises)
+    if carried or (seconds[0] > UNIX_S and not rises.any()):
+        raise BadFile(
+            f"{path.name} has its times in two columns, seconds and what is left of them, as in "
+            f"{' '.join(f'{value:.12g}' for value in sample[0])!r}",
+            fix="write them as one number, such as seconds with their decimals; or choose one with --columns",
+        )
 
 
 def found_columns(path: Path, sample: NDArray[np.float64]) -> str:
@@ -68,8 +110,31 @@ def found_columns(path: Path, sample: NDArray[np.float64]) -> str:
         raise BadFile(f"{path.name} is no event recording: in {shown!r} no order of t, x, y and p makes sense", fix=FIX)
     best, order = ranked[0]
     if len(ranked) > 1 and ranked[1][0] == best:
+        for _, letters in ranked[:2]:
+            refuse_split_times(path, sample, letters)
         raise BadFile(f"{path.name}: its columns may be {order} or {ranked[1][1]}, nothing tells", fix=FIX)
+    refuse_split_times(path, sample, order)
     return order
+
+
+def signs(polarities: NDArray[Any]) -> NDArray[np.int8]:
+    """Return polarities as +1 and -1: what is above 0 is brighter."""
+    return np.where(polarities > 0, np.int8(1), np.int8(-1))
+
+
+def check_polarities(path: Path, sample: NDArray[Any]) -> None:
+    """Refuse polarities that are counted otherwise, such as 1 and 2: all would be brighter.
+
+    Raises:
+        BadFile: there are several, and none is 0 or less.
+    """
+    values = np.unique(sample[sample == sample])
+    if len(values) > 1 and values[0] > 0:
+        shown = " and ".join(f"{value:g}" for value in values[:2].tolist())
+        raise BadFile(
+            f"{path.name}: its polarities are {shown}, and nothing tells which is brighter",
+            fix="write 1 for brighter, and 0 or -1 for darker",
+        )
 
 
 def _ranked(sample: NDArray[np.float64], columns: Sequence[int]) -> list[tuple[tuple[bool, ...], str]]:

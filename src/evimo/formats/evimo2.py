@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
+from evimo.formats.columns import check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive, array_header
 from evimo.formats.sensors import assumed_sensor, whole_pixels
@@ -36,6 +37,7 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
     folder = path if path.is_dir() else path.parent
     arrays = _arrays(folder)
     t, xy = arrays["t"], arrays["xy"]
+    check_polarities(folder, arrays["p"][:REPEAT_EVENTS])
     size = sensor or _stored_size(folder)
     if size is None:
         size = assumed_sensor(folder, (int(xy[:, 1].max()) + 1, int(xy[:, 0].max()) + 1))
@@ -67,8 +69,9 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
 def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int) -> Events:
     part = slice(first, first + PACKET_EVENTS)
     xy = arrays["xy"][part]
-    p = np.where(arrays["p"][part] > 0, 1, -1).astype(np.int8)
-    return Events(whole_pixels(xy[:, 0]), whole_pixels(xy[:, 1]), times.in_us(arrays["t"][part]), p)
+    return Events(
+        whole_pixels(xy[:, 0]), whole_pixels(xy[:, 1]), times.in_us(arrays["t"][part]), signs(arrays["p"][part])
+    )
 
 
 def _arrays(folder: Path) -> dict[str, NDArray[Any]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.clock_rules import NO_TIME
+from evimo.formats.columns import check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive
 from evimo.formats.npz_rows import NpzRows
@@ -19,6 +20,7 @@ from evimo.formats.sensors import assumed_sensor, fitting_sensor, whole_pixels
 from evimo.formats.stored_gyroscope import simulated_gyroscope
 from evimo.formats.survey import no_events_in, surveyed
 from evimo.formats.time_units import NAMES, Times, TimeUnit, as_us, check_span, found_unit, repeat_of, step_of
+from evimo.formats.wraps import Reached, continued
 from evimo.geometry.camera import Camera
 
 PIECE_ROWS = 2000
@@ -40,7 +42,7 @@ def open_evimo_npz(
     archive = Archive(path)
     rows = NpzRows(archive, columns)
     unit = _unit(path, rows, sensor, time_unit)
-    survey = surveyed(path, ((row, _as_events(block, unit)) for row, block in rows.blocks()))
+    survey = surveyed(path, _blocks(rows, unit, (0, Reached())))
     if survey.stored < rows.count:
         text = f"{path.name} is cut short: {survey.stored:,} of {rows.count:,} events are readable and used"
         warnings.warn(text, EvimoWarning, stacklevel=3)
@@ -49,7 +51,7 @@ def open_evimo_npz(
     size = sensor or _map_size(archive) or assumed_sensor(path, survey.extent)
 
     def read(start_us: int) -> Iterator[Events]:
-        return (_as_events(block, unit) for _, block in rows.blocks(survey.place(start_us)))
+        return (events for _, events in _blocks(rows, unit, survey.place(start_us)))
 
     return EventFile(
         path=path,
@@ -69,11 +71,21 @@ def _unit(path: Path, rows: NpzRows, sensor: tuple[int, int] | None, said: TimeU
     _, first = next(rows.blocks(), (0, None))
     if first is None:
         raise no_events_in(path)
-    t, x, y, _ = first
+    t, x, y, p = first
+    check_polarities(path, p)
     height, width = sensor or fitting_sensor((int(whole_pixels(y).max()) + 1, int(whole_pixels(x).max()) + 1))
     pieces = [np.asarray(t[at : at + PIECE_ROWS], np.float64) for at in range(0, len(t), PIECE_ROWS)]
     times = Times(pieces, step_of(t), height * width, repeat_of(x, y, t))
     return found_unit(path, times, said=said, usual="s" if t.dtype.kind == "f" else "us")
+
+
+def _blocks(rows: NpzRows, unit: TimeUnit, place: tuple[int, Reached]) -> Iterator[tuple[tuple[int, Reached], Events]]:
+    """Blocks of events from a row on, and the state of their counter before each."""
+    reached = place[1]
+    for row, block in rows.blocks(place[0]):
+        events, before = _as_events(block, unit), reached
+        t, reached = continued(events.t, before)
+        yield (row, before), Events(events.x, events.y, t, events.p)
 
 
 def _as_events(columns: list[NDArray[Any]], unit: TimeUnit) -> Events:
@@ -82,7 +94,7 @@ def _as_events(columns: list[NDArray[Any]], unit: TimeUnit) -> Events:
     t_us = as_us(t, unit)
     if p.dtype.kind == "f":
         t_us[np.isnan(p)] = NO_TIME
-    return Events(whole_pixels(x), whole_pixels(y), t_us, np.where(p > 0, 1, -1).astype(np.int8))
+    return Events(whole_pixels(x), whole_pixels(y), t_us, signs(p))
 
 
 def _map_size(archive: Archive) -> tuple[int, int] | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning, NotFound
 from evimo.events.events import Events
+from evimo.formats.columns import check_polarities, signs
 from evimo.formats.event_file import EventFile
 from evimo.formats.hdf5_tables import EventTable, event_tables, require_filters, stored_size
 from evimo.formats.sensors import assumed_sensor, fitting_sensor, whole_pixels
@@ -65,7 +66,8 @@ class _Reader:
 
     def __init__(self, path: Path, table: EventTable, *, said: TimeUnit | None, size: tuple[int, int] | None) -> None:
         self._path, self._table = path, table
-        first = self._stored("xyt", 0, REPEAT_EVENTS)
+        *first, polarities = self._stored("xytp", 0, REPEAT_EVENTS)
+        check_polarities(path, polarities)
         extent = (1, 1) if size else self._extent()
         height, width = size or fitting_sensor(extent)
         self.times = StoredTimes(
@@ -85,15 +87,21 @@ class _Reader:
         """Packets from a place at or before a time."""
         for at in range(self._place(start_us), self._table.count, PACKET_EVENTS):
             t, x, y, p = self._stored("txyp", at, min(at + PACKET_EVENTS, self._table.count))
-            signs = np.where(p > 0, 1, -1).astype(np.int8)
-            yield Events(whole_pixels(x), whole_pixels(y), self.times.in_us(t), signs)
+            yield Events(whole_pixels(x), whole_pixels(y), self.times.in_us(t), signs(p))
 
     def _place(self, start_us: int) -> int:
-        """By the file's own index of milliseconds, 50 of them earlier for what is out of order; else by halving."""
-        if self._index is None:
-            return self.times.place(start_us)
+        """By the file's own index of milliseconds, 50 of them earlier for what is out of order; else by halving.
+
+        An index that does not fit the times, as one that was copied from another file, is not used.
+        """
         millisecond = (start_us - self.times.offset_us) // 1000 - 50
-        return int(self._index[min(millisecond, len(self._index) - 1)]) if millisecond > 0 else 0
+        if self._index is None or not np.ndim(self._index) or not len(self._index):
+            return self.times.place(start_us)
+        at = int(self._index[min(millisecond, len(self._index) - 1)]) if millisecond > 0 else 0
+        if at == 0:
+            return 0
+        fits = 0 < at < self._table.count and self.times.between(at - 1, at)[0] < start_us
+        return at if fits else self.times.place(start_us)
 
     def _extent(self) -> tuple[int, int]:
         """One more than the largest row and column among events from all over the file."""

@@ -4,6 +4,7 @@ DSEC, TUM-VIE and M3ED have four arrays in a group, Prophesee an array of fields
 found by the names of what they hold, wherever they lie.
 """
 
+import warnings
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -13,7 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, MissingExtra
+from evimo.errors import BadFile, EvimoWarning, MissingExtra
 from evimo.formats.columns import LETTERS, found_columns, named_columns, said_columns
 from evimo.formats.sensors import sensor_size
 
@@ -59,7 +60,7 @@ def event_tables(path: Path, file: h5py.File, columns: str | None) -> list[Event
     found: list[EventTable] = []
 
     def look(name: str, there: Any) -> None:
-        table = _of_group(name, there) if isinstance(there, h5py.Group) else _of_array(path, name, there, columns)
+        table = _of_group(path, name, there) if isinstance(there, h5py.Group) else _of_array(path, name, there, columns)
         if table is not None:
             found.append(table)
 
@@ -74,13 +75,18 @@ def event_tables(path: Path, file: h5py.File, columns: str | None) -> list[Event
     return sorted(found, key=lambda table: -table.count)
 
 
-def _of_group(name: str, group: Any) -> EventTable | None:
+def _of_group(path: Path, name: str, group: Any) -> EventTable | None:
     """Four arrays side by side."""
     arrays = [key for key in group if _is_column(group.get(key))]
     if (order := named_columns(arrays)) is None:
         return None
     columns: dict[str, tuple[Any, str | int]] = {letter: (group[arrays[order.index(letter)]], "") for letter in LETTERS}
-    return EventTable(name or "/", columns, min(len(array) for array, _ in columns.values()))
+    lengths = {array.name: len(array) for array, _ in columns.values()}
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"{array} {length:,}" for array, length in lengths.items())
+        text = f"{path.name}: arrays of unequal length ({shown}): the first {min(lengths.values()):,} events are used"
+        warnings.warn(text, EvimoWarning, stacklevel=5)
+    return EventTable(name or "/", columns, min(lengths.values()))
 
 
 def _is_column(there: Any) -> bool:
@@ -136,7 +142,10 @@ def _load_plugin(path: Path, codec: str) -> None:
 
 
 def stored_size(file: h5py.File, table: EventTable) -> tuple[int, int] | None:
-    """The sensor's size where attributes (`geometry`, `width` and `height`) or `calib/resolution` tell it."""
+    """The sensor's size where attributes tell it, or `calib/resolution` does.
+
+    The attributes are `geometry`, `width` and `height`, or `sensor_resolution`.
+    """
     array = table.columns["t"][0]
     for place in (array, array.parent, array.parent.parent, file):
         attributes: Any = place.attrs
@@ -144,6 +153,8 @@ def stored_size(file: h5py.File, table: EventTable) -> tuple[int, int] | None:
             return sensor_size(written if isinstance(written, str) else written.decode())
         if {"width", "height"} <= set(attributes):
             return int(attributes["height"]), int(attributes["width"])
+        if np.shape(attributes.get("sensor_resolution")) == (2,):  # of e2vid and its relatives: rows first
+            return int(attributes["sensor_resolution"][0]), int(attributes["sensor_resolution"][1])
     resolution = array.parent.get("calib/resolution")
     if isinstance(resolution, h5py.Dataset) and resolution.shape == (2,):
         width, height = (int(value) for value in resolution[:])

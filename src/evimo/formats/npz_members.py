@@ -66,7 +66,11 @@ class Archive:
         self.cut_short = self._zip is None
         self.names = {name.removesuffix(".npy") for name in members if name.endswith(".npy")}
         if not self.names:
-            raise BadFile(f"{path.name} is a zip archive without NumPy arrays", fix="give an .npz recording")
+            held = f" ({', '.join(sorted(members)[:4])})" if members else ""
+            raise BadFile(
+                f"{path.name} is a zip archive without NumPy arrays{held}",
+                fix="unpack it and give the recording inside, or an .npz recording",
+            )
 
     def stream(self, name: str) -> Stream:
         """Return the bytes of a member, from its start.

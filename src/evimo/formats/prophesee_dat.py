@@ -1,20 +1,15 @@
 """Prophesee DAT: events of 8 bytes after a header of text, as their older tools and data sets store them."""
 
-import warnings
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from evimo.errors import BadFile, EvimoWarning
-from evimo.events.events import Events
+from evimo.errors import BadFile
 from evimo.formats.event_file import EventFile
 from evimo.formats.event_record_kernel import decode_dat
 from evimo.formats.prophesee_header import Header, header
-from evimo.formats.sensors import assumed_sensor
-from evimo.formats.survey import surveyed
-from evimo.formats.word_file import WordFile
+from evimo.formats.word_file import WordFile, open_words
 
 CHANGES = (0x00, 0x0C)  # types of event that are changes of brightness
 OTHERS = {0x01: "exposure measurements", 0x0D: "monitoring", 0x0E: "triggers"}
@@ -31,22 +26,8 @@ def open_prophesee_dat(path: Path, sensor: tuple[int, int] | None = None) -> Eve
     version = _version(path, head)
     _check_kind(path, head.length)
     events = WordFile(path, head.length + 2, np.dtype(("<u4", (2,))), partial(decode_dat, bits=BITS[version]))
-    survey = surveyed(path, events.blocks((events.offset, np.full(1, -1))))
-    if left := events.left_over():
-        text = f"{path.name} ends inside an event: its last {left} bytes are left out; was it cut short?"
-        warnings.warn(text, EvimoWarning, stacklevel=3)
-
-    def read(start_us: int) -> Iterator[Events]:
-        return (packet for _, packet in events.blocks(survey.place(start_us)))
-
-    return EventFile(
-        path=path,
-        format=f"Prophesee DAT {version}",
-        sensor=sensor or head.size() or assumed_sensor(path, survey.extent),
-        start_us=survey.start_us,
-        stop_us=survey.stop_us,
-        read=read,
-    )
+    size = sensor or head.size()
+    return open_words(events, np.full(1, -1), title=f"Prophesee DAT {version}", size=size, holds="an event")
 
 
 def _version(path: Path, head: Header) -> int:

@@ -1,7 +1,5 @@
 """Prophesee RAW: what their cameras send, in EVT 2.0, 2.1 or 3.0, after a header of text."""
 
-import warnings
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,15 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import EvimoWarning
-from evimo.events.events import Events
 from evimo.formats.event_file import EventFile
 from evimo.formats.evt2_kernel import decode_evt2, decode_evt21, evt2_state
 from evimo.formats.evt3_kernel import decode_evt3, evt3_state
 from evimo.formats.prophesee_header import Encoding, encoding, head_is_second, header, sample
-from evimo.formats.sensors import assumed_sensor
-from evimo.formats.survey import surveyed
-from evimo.formats.word_file import WordFile
+from evimo.formats.prophesee_sense import evt2_sense, evt3_sense, evt21_sense
+from evimo.formats.word_file import WordFile, open_words
 
 TITLES: dict[Encoding, str] = {"EVT2": "EVT 2.0", "EVT21": "EVT 2.1", "EVT3": "EVT 3.0"}
 
@@ -33,29 +28,17 @@ def open_prophesee_raw(path: Path, sensor: tuple[int, int] | None = None) -> Eve
     head = header(path)
     name = encoding(path, head)
     words, start = _words(path, head.length, name)
-    survey = surveyed(path, words.blocks((head.length, start)))
-    if left := words.left_over():
-        text = f"{path.name} ends inside a word: its last {left} bytes are left out; was it cut short?"
-        warnings.warn(text, EvimoWarning, stacklevel=3)
-
-    def read(start_us: int) -> Iterator[Events]:
-        return (events for _, events in words.blocks(survey.place(start_us)))
-
-    return EventFile(
-        path=path,
-        format=f"Prophesee RAW ({TITLES[name]})",
-        sensor=sensor or head.size() or assumed_sensor(path, survey.extent),
-        start_us=survey.start_us,
-        stop_us=survey.stop_us,
-        read=read,
-    )
+    size = sensor or head.size()
+    return open_words(words, start, title=f"Prophesee RAW ({TITLES[name]})", size=size, holds="a word")
 
 
 def _words(path: Path, offset: int, name: Encoding) -> tuple[WordFile, NDArray[np.int64]]:
     """The words of a file, and the state before the first."""
     if name == "EVT3":
-        return WordFile(path, offset, np.dtype("<u2"), decode_evt3), evt3_state(0)
+        return WordFile(path, offset, np.dtype("<u2"), decode_evt3, evt3_sense), evt3_state(0)
     if name == "EVT2":
-        return WordFile(path, offset, np.dtype("<u4"), decode_evt2), evt2_state()
-    decode: Any = partial(decode_evt21, head=int(head_is_second(sample(path, offset))))
-    return WordFile(path, offset, np.dtype(("<u4", (2,))), decode), evt2_state()
+        return WordFile(path, offset, np.dtype("<u4"), decode_evt2, evt2_sense), evt2_state()
+    head = int(head_is_second(sample(path, offset)))
+    decode: Any = partial(decode_evt21, head=head)
+    sense = partial(evt21_sense, head=head)
+    return WordFile(path, offset, np.dtype(("<u4", (2,))), decode, sense), evt2_state()

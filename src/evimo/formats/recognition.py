@@ -58,6 +58,7 @@ NO_RECORDING = {
     b"\x1f\x8b": ("compressed with gzip", "gunzip it first"),
     b"BZh": ("compressed with bzip2", "bunzip2 it first"),
     b"\x28\xb5\x2f\xfd": ("compressed with zstd", "unzstd it first"),
+    b"\xfd7zXZ": ("compressed with xz", "unxz it first"),
     b"7z\xbc\xaf": ("a 7-Zip archive", "unpack it first"),
     b"\x89PNG": ("a picture", "give an event recording"),
     b"\xff\xd8\xff": ("a picture", "give an event recording"),
@@ -83,6 +84,7 @@ POINTERS = {
         "give an event recording; a calibration goes to --calibration",
     ),
 }
+TAR_AT, TAR = 257, b"ustar"
 PICKLE = re.compile(rb"\x80[\x02-\x05]|\(dp\d|c\w+\n\w+\n")
 READABLE = (
     "EV-IMO npz, EVIMO2 folder, HDF5, text or CSV (t x y p), AEDAT 2, 3 and 4, Event Stream (.es), ROS 1 and 2 bags, "
@@ -104,6 +106,7 @@ def recognised(path: Path) -> Kind:
     if path.name == METADATA and is_folder_of_bag(path.parent):
         return "rosbag2"
     start = _start(path)
+    _refuse_tar(path, start)
     if packing(path):
         return _packed(path, start)
     for magic, kind in STARTS.items():
@@ -131,8 +134,19 @@ def _packed(path: Path, start: bytes) -> Kind:
     inside = unpacked_start(path)
     if inside and not _binary(inside):
         return _text_or_prophesee(path, inside)
+    _refuse_tar(path, inside)
     what, fix = next(words for magic, words in NO_RECORDING.items() if start.startswith(magic))
     raise BadFile(f"{path.name} is {what}, and no text", fix=fix)
+
+
+def _refuse_tar(path: Path, start: bytes) -> None:
+    """Refuse several files in one.
+
+    Raises:
+        BadFile: the bytes are the beginning of a tar archive.
+    """
+    if start[TAR_AT : TAR_AT + len(TAR)] == TAR:
+        raise BadFile(f"{path.name} is a tar archive of several files", fix=f"unpack it first: tar xf {path.name}")
 
 
 def _start(path: Path) -> bytes:

@@ -18,12 +18,16 @@ from evimo.formats.text_kernel import BAD, FIRST_BAD, FRACTIONS, ROUNDED, parse_
 from evimo.formats.text_layout import Layout, text_layout
 from evimo.formats.text_source import TextSource, text_source
 from evimo.formats.time_units import NAMES, TimeUnit, check_span
+from evimo.formats.wraps import Reached, continued
+
+Place = tuple[int, Reached]  # byte offset, and the counter's state there
 
 
 @dataclass(slots=True)
 class Tally:
     """What the lines of one pass held besides events."""
 
+    events: int = 0
     fractions: int = 0
     rounded: int = 0
     bad: int = 0
@@ -52,7 +56,7 @@ def open_text(
     if tally.fractions and not layout.dotted:  # met only far in the file
         layout = find(dotted=True)
         survey, tally = _surveyed(source, layout)
-    if time_unit is None:
+    if not layout.told:
         check_span(path, events=survey.events, span_us=survey.stop_us - survey.start_us, unit=layout.unit)
     _warn(path, tally)
 
@@ -61,7 +65,7 @@ def open_text(
 
     return EventFile(
         path=path,
-        format=f"text (times in {NAMES[layout.unit]}{'' if time_unit else ', guessed'})",
+        format=f"text (times in {NAMES[layout.unit]}{'' if layout.told else ', guessed'})",
         sensor=sensor or layout.sensor or assumed_sensor(path, survey.extent),
         start_us=survey.start_us,
         stop_us=survey.stop_us,
@@ -69,21 +73,32 @@ def open_text(
     )
 
 
-def _surveyed(source: TextSource, layout: Layout) -> tuple[Survey[int], Tally]:
+def _surveyed(source: TextSource, layout: Layout) -> tuple[Survey[Place], Tally]:
     """One pass over all lines.
 
     Raises:
         BadFile: most of them are no events.
     """
     tally = Tally()
-    survey = surveyed(source.path, _blocks(source, layout, layout.start, tally))
-    if tally.bad > survey.stored:
+    try:
+        survey = surveyed(source.path, _blocks(source, layout, (layout.start, Reached()), tally))
+    finally:
+        _refuse_other_lines(source.path, layout, tally)
+    return survey, tally
+
+
+def _refuse_other_lines(path: Path, layout: Layout, tally: Tally) -> None:
+    """Refuse a file most of whose lines are no events.
+
+    Raises:
+        BadFile: it is one.
+    """
+    if tally.bad > tally.events:
         raise BadFile(
-            f"{source.path.name} is no event recording: {tally.bad:,} lines, such as {tally.first_bad!r}, are not "
+            f"{path.name} is no event recording: {tally.bad:,} lines, such as {tally.first_bad!r}, are not "
             f"`{' '.join(layout.columns)}`",
             fix="one event per line: time, column, row, polarity (0 and 1, or -1 and 1); --columns tells another order",
         )
-    return survey, tally
 
 
 def _warn(path: Path, tally: Tally) -> None:
@@ -96,16 +111,19 @@ def _warn(path: Path, tally: Tally) -> None:
         warnings.warn(f"{path.name}: {'; '.join(parts)}", EvimoWarning, stacklevel=4)
 
 
-def _blocks(source: TextSource, layout: Layout, place: int, tally: Tally) -> Iterator[tuple[int, Events]]:
+def _blocks(source: TextSource, layout: Layout, place: Place, tally: Tally) -> Iterator[tuple[Place, Events]]:
     """Blocks of events from a place on."""
-    roles = layout.roles
-    for at, raw in source.blocks(place):
+    roles, reached = layout.roles, place[1]
+    for at, raw in source.blocks(place[0]):
         parsed: tuple[Any, ...] = parse_lines(np.frombuffer(raw, np.uint8), roles, layout.power)
         x, y, t, p, counts = parsed
         if counts[BAD] and not tally.bad:
             first = int(counts[FIRST_BAD])
             tally.first_bad = raw[first : first + 60].split(b"\n")[0].decode(errors="replace").strip()
         tally.bad += int(counts[BAD])
+        tally.events += len(x)
         tally.fractions += int(counts[FRACTIONS])
         tally.rounded += int(counts[ROUNDED])
-        yield at, Events(x, y, t, p)
+        before = reached
+        t, reached = continued(t, before)
+        yield (at, before), Events(x, y, t, p)

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
-from evimo.formats.columns import found_columns, named_columns, said_columns
+from evimo.formats.columns import found_columns, named_columns, named_unit, refuse_split_times, said_columns
 from evimo.formats.sensors import fitting_sensor
 from evimo.formats.survey import no_events_in
 from evimo.formats.text_kernel import parse_lines
 from evimo.formats.text_source import TextSource
-from evimo.formats.time_units import POWERS, Times, TimeUnit, found_unit, repeat_of
+from evimo.formats.time_units import POWERS, Times, TimeUnit, found_unit, is_plausible, repeat_of
 
 HEADING_LINES = 100
 SAMPLE_LINES = 500  # of each piece: 0.01 s to read
@@ -32,6 +32,7 @@ class Layout:
     start:   byte at which the first line of numbers begins.
     columns: what each column holds: t, x, y, p, or _ for what is left out.
     unit:    of the times.
+    told:    whether the user or the heading says it.
     dotted:  whether a time with a decimal point was met.
     sensor:  (height, width), where the heading tells it.
     """
@@ -39,6 +40,7 @@ class Layout:
     start: int
     columns: str
     unit: TimeUnit
+    told: bool
     dotted: bool
     sensor: tuple[int, int] | None = None
 
@@ -60,10 +62,11 @@ def roles_of(columns: str) -> NDArray[np.int64]:
 
 @dataclass(slots=True)
 class Heading:
-    """What comes before the first event: how long it is, and what it says of columns and sensor."""
+    """What comes before the first event: how long it is, and what it says of columns, unit and sensor."""
 
     length: int = 0
     columns: str | None = None
+    unit: TimeUnit | None = None
     sensor: tuple[int, int] | None = None
 
 
@@ -81,23 +84,52 @@ def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | Non
     width = len(pieces[0][0])
     pieces = [[row for row in rows if len(row) == width] for rows in pieces]
     sample = _numbers([row for rows in pieces for row in rows])
-    if columns:
-        order = said_columns(columns)
+    order = _order(source.path, heading, columns, sample, " ".join(pieces[0][0])[:60])
+    written = [[row[order.index("t")] for row in rows] for rows in pieces if rows]
+    _refuse_words(source.path, written)
+    dotted = dotted or any("." in time for times in written for time in times)
+    times = replace(_times(written, sample, order), repeat=_repeat(lines[heading.length :], order, dotted))
+    if unit is None and heading.unit is not None and is_plausible(times, heading.unit):
+        unit = heading.unit
+    guessed = found_unit(source.path, times, said=unit, usual="s" if dotted else "us")
+    return Layout(heading.length, order, guessed, unit is not None, dotted, heading.sensor)
+
+
+def _order(path: Path, heading: Heading, said: str | None, sample: NDArray[np.float64], shown: str) -> str:
+    """The letters of the columns: as the user says, as the heading does, or from what they hold.
+
+    Raises:
+        BadFile: they are not as many, or nothing tells; or times lie in two of them.
+    """
+    width = sample.shape[1]
+    if said:
+        order = said_columns(said)
     elif heading.columns and len(heading.columns) == width:
         order = heading.columns
     else:
-        order = found_columns(source.path, sample)
+        order = found_columns(path, sample)
     if len(order) != width:
-        shown = " ".join(pieces[0][0])[:60]
         raise BadFile(
-            f"{source.path.name} has {width} columns in {shown!r}, not the {len(order)} of {order!r}",
+            f"{path.name} has {width} columns in {shown!r}, not the {len(order)} of {order!r}",
             fix="a letter for each column with --columns, as in txyp; _ for one to leave out",
         )
-    written = [[row[order.index("t")] for row in rows] for rows in pieces if rows]
-    dotted = dotted or any("." in time for times in written for time in times)
-    times = replace(_times(written, sample, order), repeat=_repeat(lines[heading.length :], order, dotted))
-    guessed = found_unit(source.path, times, said=unit, usual="s" if dotted else "us")
-    return Layout(heading.length, order, guessed, dotted, heading.sensor)
+    if not said:
+        refuse_split_times(path, sample, order)
+    return order
+
+
+def _refuse_words(path: Path, written: list[list[str]]) -> None:
+    """Refuse times that are dates or the like.
+
+    Raises:
+        BadFile: most of them are no numbers.
+    """
+    words = [time for times in written for time in times if not NUMBER.fullmatch(time)]
+    if 2 * len(words) > sum(map(len, written)):
+        raise BadFile(
+            f"{path.name}: its times, such as {words[0][:40]!r}, are no numbers",
+            fix="write them as decimal numbers of s, ms, µs or ns; --columns tells which column holds them",
+        )
 
 
 def _further(source: TextSource) -> list[bytes]:
@@ -139,6 +171,7 @@ def _heed(heading: Heading, text: str, words: list[str]) -> None:
     named = named_columns([word.lstrip("#% ") for word in words]) or named_columns(text.lstrip("#% ").split())
     if named:
         heading.columns = named
+        heading.unit = named_unit(words, named) if len(words) == len(named) else None
         sizes = {name: int(size) for name, size in re.findall(r"\b([xy])@(\d+)", text)}
         if len(sizes) == 2:
             heading.sensor = sizes["y"], sizes["x"]

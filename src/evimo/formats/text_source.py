@@ -1,6 +1,10 @@
-"""The lines of a text file, whatever it is wrapped in: gzip, zstd, UTF-16, a byte order mark, any line ends."""
+"""The lines of a text file, whatever it is wrapped in: gzip, zstd, UTF-16, a byte order mark, any line ends.
+
+Brackets and bars around numbers are read as spaces, and commas inside numbers as decimal points.
+"""
 
 import gzip
+import re
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -14,6 +18,9 @@ from evimo.formats.zstandard import zstd
 BLOCK_BYTES = 1 << 20
 LONGEST_LINE = 1 << 16
 GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+BRACKETS = b"[](){}|"
+BETWEEN = re.compile(rb"[;\t ]+")
+COMMA = re.compile(rb"[-+]?\d+,(\d+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +29,13 @@ class TextSource:
 
     packed:   what the file is compressed with, if it is.
     encoding: "utf-16-le" or "utf-16-be" where it is in that.
-    old_ends: whether lines end with a carriage return alone.
+    letters:  what each byte is read as, 256 of them; empty where each is itself.
     """
 
     path: Path
     packed: str = ""
     encoding: str = ""
-    old_ends: bool = False
+    letters: bytes = b""
 
     @property
     def can_jump(self) -> bool:
@@ -58,7 +65,7 @@ class TextSource:
         """Some whole lines at a share of the file; nothing where it cannot be read in the middle."""
         with self.path.open("rb") as file:
             file.seek(int(share * self.path.stat().st_size))
-            raw = self._with_newlines(file.read(size))
+            raw = self._plain(file.read(size))
         return raw[raw.find(b"\n") + 1 : raw.rfind(b"\n") + 1]
 
     def _pieces(self, place: int) -> Iterator[bytes]:
@@ -71,25 +78,67 @@ class TextSource:
             while raw := _read(file, self.path, BLOCK_BYTES):
                 whole = carry + raw
                 carry = whole[len(whole) // 2 * 2 :] if self.encoding else b""
-                piece = self._with_newlines(whole[: len(whole) - len(carry)])
+                piece = self._plain(whole[: len(whole) - len(carry)])
                 before = min(place, len(piece))
                 place -= before
                 yield piece[before:]
 
-    def _with_newlines(self, raw: bytes) -> bytes:
+    def _plain(self, raw: bytes) -> bytes:
         if self.encoding:
             raw = raw.decode(self.encoding, errors="replace").replace("\ufeff", " ").encode("ascii", errors="replace")
-        return raw.replace(b"\r", b"\n") if self.old_ends else raw
+        return raw.translate(self.letters) if self.letters else raw
 
 
 def text_source(path: Path) -> TextSource:
-    """Recognise what the lines of a file are wrapped in, from its first bytes."""
+    """Recognise what the lines of a file are wrapped in, from its first bytes.
+
+    Raises:
+        BadFile: commas in its numbers may stand for thousands or for decimal points.
+    """
     packed = packing(path)
     start = unpacked_start(path)
     encoding = encoding_of(start)
     source = TextSource(path, packed, encoding)
-    plain = source._with_newlines(start[: len(start) // 2 * 2])  # pyright: ignore[reportPrivateUsage]
-    return TextSource(path, packed, encoding, old_ends=b"\r" in plain and b"\n" not in plain)
+    plain = source._plain(start[: len(start) // 2 * 2])  # pyright: ignore[reportPrivateUsage]
+    return TextSource(path, packed, encoding, _letters(path, plain))
+
+
+def _letters(path: Path, start: bytes) -> bytes:
+    """What each byte of a file is read as, by its first lines."""
+    table = bytearray(range(256))
+    if b"\r" in start and b"\n" not in start:  # as old Macs end lines
+        table[ord("\r")] = ord("\n")
+    whole = start.translate(bytes(table)).rpartition(b"\n")[0] or start
+    lines = [line.strip() for line in whole.split(b"\n")]
+    rows = [line for line in lines if line[:1] not in (b"#", b"%") and len(re.findall(rb"\d+", line)) >= 4]
+    if sum(line[:1] in (b"[", b"(", b"{", b"|") or b"|" in line for line in rows) > len(rows) // 2:
+        for letter in BRACKETS:
+            table[letter] = ord(" ")
+    if _has_decimal_commas(path, [line.translate(bytes(table)).strip() for line in rows]):
+        table[ord(",")] = ord(".")
+    letters = bytes(table)
+    return b"" if letters == bytes(range(256)) else letters
+
+
+def _has_decimal_commas(path: Path, rows: list[bytes]) -> bool:
+    """Whether commas stand inside numbers, as in `0,000125;17;203;1`, and other letters between them.
+
+    Raises:
+        BadFile: they do, and may as well stand for thousands.
+    """
+    words = [BETWEEN.split(row) for row in rows]
+    if not rows or any(len(row) < 4 or any(COMMA.fullmatch(w) is None and b"," in w for w in row) for row in words):
+        return False
+    places = [match[1] for row in words for word in row if (match := COMMA.fullmatch(word))]
+    if 2 * len(places) < len(rows):
+        return False
+    if all(len(place) == 3 for place in places):
+        raise BadFile(
+            f"{path.name}: commas in numbers such as {rows[-1].decode(errors='replace')[:60]!r} may be decimal points, "
+            "or stand for thousands",
+            fix="export it again with decimal points, and without marks for thousands",
+        )
+    return True
 
 
 def packing(path: Path) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.formats.clock_rules import MOST_US, NO_TIME
+from evimo.formats.clock_rules import MOST_US, NO_TIME, WINDOW_US
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 
@@ -34,6 +34,7 @@ USUAL_REPEAT_S, REPEAT_SPREAD = 0.015, 0.7  # the second in powers of ten
 REPEATS, REPEAT_EVENTS = 100, 20_000
 ENOUGH = 50  # events that say something of a rate
 CONVENTION = 1.5  # what the usual unit is worth, in squared powers of ten of the rate
+FAR_LONGER = 100  # times as long as usual
 DOUBT = 1.0  # as much as this between two units leaves both possible
 
 
@@ -64,15 +65,31 @@ class Times:
 
     @property
     def rate(self) -> float:
-        """Events per unit of time inside the pieces, the ends of each left out: outliers sort themselves there."""
-        events, spans = 0.0, 0.0
+        """Events per unit of time inside the pieces, the ends of each left out: outliers sort themselves there.
+
+        A piece far longer than the others is left out: the clock starts again or wraps in it.
+        """
+        events, spans = list[int](), list[float]()
         for piece in self.pieces:
             ordered = np.sort(piece[np.isfinite(piece)])
             low, high = len(ordered) // 10, (len(ordered) - 1) * 9 // 10
             if high > low:
-                events += high - low
-                spans += float(ordered[high] - ordered[low])
-        return events / spans if spans > 0 else math.inf
+                events.append(high - low)
+                spans.append(float(ordered[high] - ordered[low]))
+        usual = float(np.median(spans)) if spans else 0.0
+        kept = [(count, span) for count, span in zip(events, spans, strict=True) if span <= FAR_LONGER * usual]
+        whole = sum(span for _, span in kept)
+        return sum(count for count, _ in kept) / whole if whole > 0 else math.inf
+
+    def in_no_order(self, window: float) -> bool:
+        """Whether each piece holds times of the whole recording, beyond the window within which they are sorted."""
+        pieces = [piece[np.isfinite(piece)] for piece in self.pieces]
+        pieces = [piece for piece in pieces if len(piece) >= ENOUGH]
+        if len(pieces) < 4 or np.concatenate([np.diff(piece) >= 0 for piece in pieces]).mean() > 0.75:
+            return False
+        low, middle, high = np.array([np.percentile(piece, (10, 50, 90)) for piece in pieces]).T
+        length = float(np.median(high - low))
+        return length > window and float(np.ptp(middle)) < 0.5 * length
 
 
 def step_of(times: NDArray[Any]) -> int | None:
@@ -113,6 +130,11 @@ def found_unit(path: Path, times: Times, *, said: TimeUnit | None, usual: TimeUn
     """
     if said is not None:
         return said
+    if times.in_no_order(WINDOW_US / 10.0 ** POWERS[usual]):
+        raise BadFile(
+            f"{path.name}: its times are in no order: each part of it holds those of all",
+            fix="sort the recording by time",
+        )
     known: list[TimeUnit] = [unit for unit in POWERS if is_plausible(times, unit)]
     if not known:
         raise BadFile(f"{path.name}: {_in_words(times, usual)}: no camera does that", fix=FIX)

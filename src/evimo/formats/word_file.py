@@ -1,5 +1,6 @@
 """Files whose body is decoded from the front in blocks, with a state that goes from one block to the next."""
 
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.errors import EvimoWarning
+from evimo.events.events import Events
 from evimo.formats.damage import MarredEvents
+from evimo.formats.event_file import EventFile
+from evimo.formats.realigning import Sense, found_loss
+from evimo.formats.sensors import assumed_sensor
+from evimo.formats.survey import surveyed
 
 BLOCK_BYTES = 1 << 19  # of the fastest
 LONGEST_BYTES = 1 << 26  # no more is held back for what follows
@@ -21,12 +28,16 @@ Decode = Callable[[NDArray[Any], NDArray[np.int64], bool], tuple[Any, Any, Any, 
 
 @dataclass(frozen=True, slots=True)
 class WordFile:
-    """A file, where its body begins, the type of its items, and what decodes them."""
+    """A file, where its body begins, the type of its items, and what decodes them.
+
+    sense: which items can be such; with it, items that a loss of bytes has shifted are found again.
+    """
 
     path: Path
     offset: int
     item: np.dtype[Any]
     decode: Decode
+    sense: Sense | None = None
 
     def blocks(self, place: Place) -> Iterator[tuple[Place, MarredEvents]]:
         """The events of each block from a place on, and where the block begins."""
@@ -36,14 +47,19 @@ class WordFile:
             file.seek(offset)
             while True:
                 more = file.readinto(memoryview(buffer)[held:])
-                count = (held + more) // size
+                filled, cut = held + more, 0
+                if self.sense and (loss := found_loss(memoryview(buffer)[:filled], self.item, self.sense)):
+                    cut = loss.last - loss.first
+                    buffer[loss.first : filled - cut] = buffer[loss.last : filled]
+                    filled -= cut
+                count = filled // size
                 items = np.frombuffer(buffer, self.item, count)
                 before, last = state.copy(), not more or count * size >= LONGEST_BYTES
                 *columns, used, lost = self.decode(items, state, last)
-                yield (offset, before), MarredEvents(*columns, lost=lost)
+                yield (offset, before), MarredEvents(*columns, lost=lost + -(-cut // size))
                 if not more:
                     return
-                offset, held = offset + used * size, held + more - used * size
+                offset, held = offset + cut + used * size, filled - used * size
                 left = bytes(memoryview(buffer)[used * size : used * size + held])
                 if 2 * held > len(buffer):
                     buffer = bytearray(2 * len(buffer))
@@ -52,3 +68,37 @@ class WordFile:
     def left_over(self) -> int:
         """Bytes at the end that are no whole item."""
         return (self.path.stat().st_size - self.offset) % self.item.itemsize
+
+
+def open_words(
+    words: WordFile, state: NDArray[np.int64], *, title: str, size: tuple[int, int] | None, holds: str
+) -> EventFile:
+    """Open a file of words from its first one on; a part of one at its end is left out with a warning.
+
+    Args:
+        words: where they are, and what decodes them.
+        state: the decoder's, before the first.
+        title: of the format.
+        size: of the sensor, where it is known.
+        holds: what an item is called.
+
+    Raises:
+        BadFile: it holds no events, or their order is lost.
+    """
+    path = words.path
+    survey = surveyed(path, words.blocks((words.offset, state)))
+    if left := words.left_over():
+        text = f"{path.name} ends inside {holds}: its last {left} bytes are left out; was it cut short?"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
+
+    def read(start_us: int) -> Iterator[Events]:
+        return (events for _, events in words.blocks(survey.place(start_us)))
+
+    return EventFile(
+        path=path,
+        format=title,
+        sensor=size or assumed_sensor(path, survey.extent),
+        start_us=survey.start_us,
+        stop_us=survey.stop_us,
+        read=read,
+    )

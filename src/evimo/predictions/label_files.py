@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile
 from evimo.formats.array_rows import Rows
 from evimo.formats.npz_members import Archive
-from evimo.predictions.runs import DAMAGED, facts_of, opened_h5
+from evimo.predictions.runs import facts_of, opened_h5, sound
 
 BLOCK = 65_536  # events
 NAMES = (
@@ -88,16 +88,17 @@ def labels_in_h5(path: Path) -> LabelFile:
     file = opened_h5(path)
     stored: Any = file
     names = ("t_us", "x", "y", "object")
-    whole = all(isinstance(stored.get(name), h5py.Dataset) for name in names)
-    if not whole or len({stored[name].shape for name in names}) > 1 or stored["x"].ndim != 1:
+    with sound(path):
+        whole = all(isinstance(stored.get(name), h5py.Dataset) for name in names)
+        fitting = whole and len({stored[name].shape for name in names}) == 1 and stored["x"].ndim == 1
+        fitting = fitting and all(stored[name].dtype.kind in "iu" for name in names)
+    if not fitting:
         raise BadFile(f"{path} holds no labelled events", fix="evimo run RECORDING --event-labels")
 
     def blocks() -> Iterator[Block]:
         for first in range(0, len(stored["t_us"]), BLOCK):
-            try:
+            with sound(path):
                 columns = [np.asarray(stored[name][first : first + BLOCK]) for name in names]
-            except OSError as error:
-                raise BadFile(f"{path} is damaged", fix=DAMAGED) from error
             yield _block(columns, names[0], path)
 
     return LabelFile(path, "events.h5", True, len(stored["t_us"]), blocks, facts_of(file))

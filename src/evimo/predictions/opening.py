@@ -10,7 +10,7 @@ from evimo.predictions.archives import holds_maps, open_archive
 from evimo.predictions.event_labels import found_labels
 from evimo.predictions.label_files import LabelFile, labels_in_csv, labels_in_h5, labels_in_npz
 from evimo.predictions.pictures import holds_pictures, open_pictures
-from evimo.predictions.runs import ESTIMATES, EVENTS, open_estimates, opened_h5
+from evimo.predictions.runs import ESTIMATES, EVENTS, open_estimates, opened_h5, sound
 from evimo.predictions.sources import Predictions
 from evimo.recordings.recording import Recording
 
@@ -33,7 +33,7 @@ def open_predictions(path: Path, recording: Recording) -> Predictions:
         return _open_folder(path, recording)
     suffix = path.suffix.lower()
     if suffix == ".h5":
-        with opened_h5(path) as file:
+        with opened_h5(path) as file, sound(path):
             of_events = "object" in file
         return _labelled(labels_in_h5(path), recording) if of_events else open_estimates(path, recording.camera.size)
     if zipfile.is_zipfile(path) or suffix == ".npz":

@@ -2,6 +2,7 @@
 
 import csv
 import re
+import struct
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from evimo.predictions.sources import Predictions, ascending_us, check_size
 from evimo.recordings.prediction import Prediction
 
 TIMES = "times.csv"
+PNG = b"\x89PNG\r\n\x1a\n"
 MASK = 255
 """The value of a mask that names no objects."""
 MOST_VALUES = 64
@@ -50,6 +52,7 @@ class _Pictures:
     def at(self, k: int) -> Prediction:
         """Decode the picture of instant k."""
         path = self._paths[k]
+        check_size(_told_size(path), self._sensor, str(path))  # before memory is taken for what a damaged one says
         picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         if picture is None:
             raise BadFile(f"{path} is no PNG picture, or damaged", fix="write it again")
@@ -76,6 +79,20 @@ class _Pictures:
         return Prediction(moving=picture > 0, ids=ids)
 
 
+def _told_size(path: Path) -> tuple[int, int]:
+    """(height, width) by the header of a PNG picture.
+
+    Raises:
+        BadFile: it has none.
+    """
+    with path.open("rb") as file:
+        head = file.read(len(PNG) + 16)
+    if not head.startswith(PNG) or len(head) < len(PNG) + 16:
+        raise BadFile(f"{path} is no PNG picture, or damaged", fix="write it again")
+    width, height = struct.unpack_from(">2I", head, len(PNG) + 8)
+    return height, width
+
+
 def _pictures_in(folder: Path) -> list[Path]:
     return [path for path in folder.iterdir() if path.suffix.lower() == ".png" and not path.name.startswith(".")]
 
@@ -94,15 +111,15 @@ def _named(folder: Path) -> dict[Path, int]:
 def _listed(folder: Path) -> dict[Path, float]:
     """Times by the list, whole numbers in µs, or in seconds if any has a fraction."""
     path = folder / TIMES
-    with path.open(newline="", encoding="utf-8") as file:
-        lines = [[cell.strip() for cell in line] for line in csv.reader(file) if any(line)]
-    lines = [line for line in lines if any(cell.lower().endswith(".png") for cell in line)]
     times: dict[Path, float] = {}
     try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = [[cell.strip() for cell in line] for line in csv.reader(file) if any(line)]
+        lines = [line for line in lines if any(cell.lower().endswith(".png") for cell in line)]
         in_seconds = any("." in time or "e" in time.lower() for _, time in lines)
         for name, time in lines:
             times[folder / name] = float(time) if in_seconds else int(time)
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         raise BadFile(f"{path} has a line that is not name,time", fix="lines such as 000012500.png,12500") from error
     if missing := [file for file in times if not file.is_file()]:
         raise BadFile(f"{path} lists {missing[0].name}, which is not there, and {len(missing) - 1} more", fix=NAMING)

@@ -1,7 +1,8 @@
 """What `evimo run` leaves: `estimates.h5`, and beside it the velocities of objects in `objects.csv`."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -41,9 +42,28 @@ def opened_h5(path: Path) -> h5py.File:
         raise BadFile(f"{path} is no HDF5 file, or damaged", fix=DAMAGED) from error
 
 
+@contextmanager
+def sound(path: Path) -> Generator[None]:
+    """Turn what h5py says of damage into our error.
+
+    Raises:
+        BadFile: something in the file is damaged.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise BadFile(f"{path} is damaged: {error}", fix=DAMAGED) from error
+
+
 def facts_of(file: h5py.File) -> dict[str, str]:
-    """What the file tells of the recording and of the model: its name, and its hash or its parameters."""
-    return {name: str(value) for name, value in file.attrs.items() if name == "recording" or name.startswith("model")}
+    """What the file tells of the recording and of the model: its name, and its hash or its parameters.
+
+    Raises:
+        BadFile: it is damaged.
+    """
+    with sound(Path(file.filename)):
+        wanted = [name for name in file.attrs if name == "recording" or name.startswith("model")]
+        return {name: str(file.attrs[name]) for name in wanted}
 
 
 def open_estimates(path: Path, sensor: tuple[int, int]) -> Predictions:
@@ -95,16 +115,15 @@ class _Estimates:
         )
 
     def _dataset(self, file: h5py.File, name: str) -> Any:
-        dataset = file.get(name)
+        with sound(self._path):
+            dataset = file.get(name)
         if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind != KINDS[name]:
             raise BadFile(f"{self._path} lacks `{name}`, or holds it in another type", fix=DAMAGED)
         return dataset
 
     def _read(self, name: str, at: Any) -> NDArray[Any]:
-        try:
+        with sound(self._path):
             return np.asarray(self._data[name][at])
-        except OSError as error:
-            raise BadFile(f"`{name}` of {self._path} is damaged", fix=DAMAGED) from error
 
 
 class _Velocities:
@@ -126,5 +145,5 @@ class _Velocities:
             try:
                 for t_us, rows in groupby(csv.DictReader(file), key=lambda row: int(row["t_us"])):
                     yield t_us, {int(row["object"]): np.array([float(row[name]) for name in VELOCITY]) for row in rows}
-            except (KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
+            except (KeyError, TypeError, ValueError, csv.Error) as error:
                 raise BadFile(f"{self._path} is no table of objects: {error}", fix=DAMAGED) from error

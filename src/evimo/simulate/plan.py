@@ -13,7 +13,7 @@ from evimo.simulate.sensor import known_sensor
 
 SLICE_S = SLICE_US * 1e-6
 SMALLEST_PX = 16  # of either side
-CAMERAS = {"stress": "random", "replica": "evimo"}
+CAMERAS = {"stress": "random", "replica": "evimo", "planar": "evimo"}
 """Each population of scenes, and the camera that films it where nothing else is asked for."""
 
 
@@ -29,7 +29,8 @@ class RecordingPlan:
     device: that films it, `cpu` or `cuda`: the same scene, but not quite the same events, as a GPU casts every tile in
         every frame.
     population: `stress`, or `replica`: as EV-IMO's pictures show it, where 8 % of short scenes lack movers, unless they
-        are held to a room or for testing.
+        are held to a room or for testing; or `planar`: one wall and nothing that moves, before a camera that neither
+        rolls nor pitches, at the pace and in the light of its set.
 
     Raises:
         BadInput: no such seed, set, sensor, size, part, room or population, or no whole number of slices.

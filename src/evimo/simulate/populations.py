@@ -1,10 +1,11 @@
-"""The two populations of scenes: `stress`, as hard as scenes may be, and `replica`, as EV-IMO's pictures show them."""
+"""The populations of scenes: `stress`, as hard as scenes may be, `replica`, as in EV-IMO, and `planar`, a wall."""
 
 from typing import Any
 
 import numpy as np
 
 from evimo.scene.bodies import Scene
+from evimo.scene.drawing.planar import draw_planar_scene
 from evimo.scene.drawing.pools import POOLS
 from evimo.scene.drawing.replica import MAPS, NO_MOVERS, draw_replica_scene
 from evimo.scene.drawing.scenes import draw_scene
@@ -26,7 +27,10 @@ def bank_of(plan: RecordingPlan, seed: int) -> TextureBank:
 
 def drawn_scene(plan: RecordingPlan, rng: np.random.Generator, bank: TextureBank) -> Scene:
     """One scene; none lacks movers where a plan is held to a room, as a replica of all of EV-IMO is."""
-    style, part, meshes = plan.style, plan.part, plan.own.mesh_bank()
+    style, part = plan.style, plan.part
+    if plan.population == "planar":
+        return draw_planar_scene(rng, style, bank, seconds=plan.seconds)
+    meshes = plan.own.mesh_bank()
     if plan.population == "stress":
         pool = POOLS[part] if part else None
         return draw_scene(rng, style, bank, seconds=plan.seconds, pool=pool, meshes=meshes)
@@ -43,7 +47,14 @@ def population_facts(plan: RecordingPlan, scene: Scene) -> dict[str, Any]:
         return {}
     kinds = {str(number): body.kind for number, body in enumerate(scene.movers, 1)}
     return {
-        "background": "fast" if plan.style.dark else BACKGROUNDS[scene.room],
+        "background": _background(plan, scene),
         "objects": kinds,
         "objects_seen": {number: is_seen(kind, plan.part) for number, kind in kinds.items()},
     }
+
+
+def _background(plan: RecordingPlan, scene: Scene) -> str:
+    """What the recording's scores are grouped by; those in the dark are named after their motion."""
+    if plan.population == "planar":
+        return "planar"
+    return "fast" if plan.style.dark else BACKGROUNDS[scene.room]

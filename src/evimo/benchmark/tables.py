@@ -1,0 +1,156 @@
+"""The paper's tables II to IV of our own numbers: which scenes, which columns, which rows."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from evimo.benchmark.paper import CLASSIC, DEPTH, MOTION, PaperTable
+from evimo.benchmark.scenes import ALL, SCENES
+from evimo.benchmark.tally import Tally
+from evimo.evaluation import baselines, ceilings
+from evimo.evaluation.column import Column
+from evimo.evaluation.columns import BY_NAME
+from evimo.evaluation.ratios import Scores
+from evimo.evaluation.report import MODEL
+
+Kept = Mapping[str, Mapping[str, Tally]]
+"""Tallies by the model's name, `scoring.TRIVIAL` among them, and by scene."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How one table is made.
+
+    key: of files and anchors. scenes: those of the paper, in its order. columns: names of scores.
+    trivial: rows of answers and ceilings that stand beside the models. paper: what the paper says.
+    """
+
+    key: str
+    title: str
+    about: str
+    scenes: tuple[str, ...]
+    columns: tuple[str, ...]
+    trivial: tuple[str, ...]
+    paper: PaperTable
+
+
+LAYOUTS = (
+    Layout(
+        "II",
+        "Segmentation and motion",
+        "Camera velocity at the true speed and at the scale of the depths, camera rotation, object velocity, how many"
+        " objects have one, and motion masks.",
+        ("table", "wall", "fast"),
+        ("camera_aee", "camera_aee_depth", "camera_rre", "object_aee", "objects_found", "iou"),
+        (baselines.ZERO_TWIST, baselines.EVERYTHING, baselines.DENSITY, ceilings.DEPTH_UNKNOWN, ceilings.TRUE_FLOW),
+        MOTION,
+    ),
+    Layout(
+        "III",
+        "Against four-parameter motion compensation",
+        "Recordings that suit the classical method: one plane, no objects, no roll or pitch.",
+        ("planar",),
+        ("camera_aee", "camera_aee_depth", "camera_rre", "direction"),
+        (baselines.ZERO_TWIST,),
+        CLASSIC,
+    ),
+    Layout(
+        "IV",
+        "Depth",
+        "Dense depth over all scored pixels, at the scale of the truth by the medians of each frame. The classical"
+        " method knows no depth: its numbers are those of one depth everywhere.",
+        ("wall", "box", "table"),
+        ("abs_rel", "rmse_log", "silog", "delta_1", "delta_2", "delta_3"),
+        (baselines.CONSTANT_DEPTH,),
+        DEPTH,
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line. kind: `model`, `trivial` answer or `ceiling`."""
+
+    name: str
+    kind: str
+    scores: Scores
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """The rows of one scene."""
+
+    scene: str
+    title: str
+    rows: tuple[Row, ...]
+
+    def best(self, column: Column) -> set[str]:
+        """The models with the best value of that column, if that is better than what every trivial answer has."""
+        sign = 1 if column.better == "higher" else -1
+        values = {row.name: sign * value for row in self.rows if (value := value_of(row, column)) is not None}
+        kinds = {row.name: row.kind for row in self.rows}
+        models = [value for name, value in values.items() if kinds[name] == "model"]
+        trivial = [value for name, value in values.items() if kinds[name] == "trivial"]
+        if len(models) < 2 or max(models) <= max(trivial, default=max(models) - 1):
+            return set()
+        return {name for name, value in values.items() if kinds[name] == "model" and value == max(models)}
+
+    def kept(self, column: Column) -> int:
+        """How many slices, or objects in slices, are in the first number of that column."""
+        return next((row.scores[column.name].samples for row in self.rows if column.name in row.scores), 0)
+
+
+@dataclass(frozen=True, slots=True)
+class ResultTable:
+    """One table of our own numbers."""
+
+    layout: Layout
+    columns: tuple[Column, ...]
+    blocks: tuple[Block, ...]
+
+
+def value_of(row: Row, column: Column) -> float | None:
+    """One number; None where nothing was scored."""
+    score = row.scores.get(column.name)
+    return score.value if score else None
+
+
+def tables_of(kept: Kept, *, models: Sequence[str], trivial: str) -> list[ResultTable]:
+    """The paper's tables, of the scenes that there are; where none is the paper's, all recordings together are one."""
+    here = {scene for tallies in kept.values() for scene in tallies}
+    tables: list[ResultTable] = []
+    for layout in LAYOUTS:
+        scenes = [scene for scene in layout.scenes if scene in here]
+        if not scenes and here.isdisjoint(SCENES):
+            scenes = [ALL]
+        columns = tuple(BY_NAME[name] for name in layout.columns)
+        blocks = [
+            Block(
+                scene,
+                SCENES[scene].title if scene in SCENES else scene,
+                tuple(_rows(layout, kept, scene, models, trivial)),
+            )
+            for scene in scenes
+        ]
+        tables.append(ResultTable(layout, columns, tuple(block for block in blocks if block.rows)))
+    return [table for table in tables if table.blocks]
+
+
+def _rows(layout: Layout, kept: Kept, scene: str, models: Sequence[str], trivial: str) -> Iterator[Row]:
+    for model in models:
+        rows = of_scene(kept[model], scene).rows
+        if any(name in rows.get(MODEL, {}) for name in layout.columns):
+            yield Row(model, "model", rows[MODEL])
+    rows = of_scene(kept[trivial], scene).rows
+    for name in layout.trivial:
+        if any(column in rows.get(name, {}) for column in layout.columns):
+            yield Row(name, "ceiling" if name in ceilings.ROWS else "trivial", rows[name])
+
+
+def of_scene(tallies: Mapping[str, Tally], scene: str) -> Tally:
+    """What is kept of one scene, or of all of them."""
+    return total(tallies.values()) if scene == ALL else tallies.get(scene, Tally())
+
+
+def total(tallies: Iterable[Tally]) -> Tally:
+    """Tallies as one."""
+    return sum(tallies, Tally())

@@ -1,0 +1,225 @@
+"""`evimo benchmark` on recordings made by hand, with models that know the truth or half of it."""
+
+import csv
+import io
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from pytest import approx
+
+from evimo.benchmark.paper import CLASSIC, DEPTH, MOTION
+from evimo.cli import main
+from evimo.simulate.benchmark_set import INDEX, BenchmarkPlan
+
+pytest.importorskip("matplotlib", reason="needs the extra [benchmark]")
+MODELS = ["--models", "half", "perfect"]
+
+
+@pytest.fixture
+def command(runs, recordings, tmp_path) -> list[str]:
+    return ["benchmark", "--data", str(recordings), "--out", str(tmp_path / "out"), *MODELS]
+
+
+@pytest.fixture
+def no_page(monkeypatch) -> None:
+    """Leaves out the page, which takes a second."""
+    monkeypatch.setattr("evimo.benchmark.running.as_html", lambda result: "")
+
+
+def values_in(out: Path) -> dict[tuple[str, ...], float]:
+    rows = csv.DictReader(io.StringIO((out / "benchmark.csv").read_text()))
+    return {(row["table"], row["scene"], row["row"], row["score"]): float(row["value"]) for row in rows}
+
+
+def test_the_tables_say_what_is_worked_out_by_hand(no_page, command, tmp_path):
+    assert main(command) == 0
+    values = values_in(tmp_path / "out")
+    for scene in ("wall", "table"):
+        assert values["II", scene, "perfect", "iou"] == approx(1)
+        assert values["II", scene, "half", "iou"] == approx(50 / 140)  # half of 100 px, and 40 px of the wall
+        assert values["II", scene, "everything moves", "iou"] == approx(100 / 1200)
+        assert values["II", scene, "perfect", "camera_aee"] == approx(0, abs=1e-6)
+        assert values["II", scene, "half", "camera_rre"] == approx(0.2)
+        assert values["II", scene, "zero twist", "camera_aee"] == approx(0.5)
+        assert values["II", scene, "half", "objects_found"] == 0
+        assert values["IV", scene, "perfect", "abs_rel"] == approx(0, abs=2e-3)
+        assert values["IV", scene, "half", "abs_rel"] == approx(100 / 1200)  # 2 m where the square is at 1 m
+        assert values["IV", scene, "one depth everywhere", "abs_rel"] == approx(100 / 1200)
+    assert values["III", "planar", "half", "camera_aee_depth"] == approx(0, abs=1e-6)
+    assert values["III", "planar", "half", "camera_rre"] == approx(0.2)
+    assert {table for table, *_ in values} == {"II", "III", "IV"}
+    assert {scene for table, scene, *_ in values if table == "II"} == {"wall", "table"}
+
+
+def test_the_papers_numbers_stand_apart(no_page, command, tmp_path):
+    main(command)
+    out = tmp_path / "out"
+    page = (out / "benchmark.md").read_text()
+    assert page.index("### The paper's numbers, for Table II\n") > page.index("## Table II. ")
+    ours, theirs = page.split("### The paper's numbers, for Table II\n")[0], page
+    assert "2 M parameters" not in ours and "2 M parameters" in theirs
+    assert "not comparable" in ours
+    assert "2 M" not in (out / "benchmark.csv").read_text()
+    told = json.loads((out / "benchmark.json").read_text())
+    assert set(told["paper"]) == {"measured on", "tables"} and len(told["paper"]["tables"]) == 3
+
+
+def test_reports_say_how_it_was_measured(no_page, command, tmp_path, capsys):
+    main(command)
+    page = (tmp_path / "out" / "benchmark.md").read_text()
+    for fact in ("25 ms", "3 cm/s", "0.5", "digest of half", "seeds 7 to 8", "true norm per slice", "samples kept"):
+        assert fact in page, fact
+    assert "4 slices, 4 slices with movers, seeds 9 to 9" in page
+    printed = capsys.readouterr().out
+    assert "Table III" in printed and "saved in" in printed
+
+
+class Page(HTMLParser):
+    """Counts tags, and collects what a browser would fetch."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.fetched: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.fetched += [value for name, value in attrs if name in ("src", "href", "xlink:href", "srcset") and value]
+
+
+def test_the_page_is_whole_in_itself(command, tmp_path):
+    main(command)
+    text = (tmp_path / "out" / "benchmark.html").read_text()
+    page = Page()
+    page.feed(text)
+    assert all(each.startswith(("#", "data:image/png;base64,")) for each in page.fetched)
+    assert "script" not in page.tags and "link" not in page.tags and "@import" not in text and "url(http" not in text
+    assert page.tags.count("svg") == 7
+    assert page.tags.count("img") == 3  # of each recording with movers its worst slice
+    assert "Precision and recall" in text and "IoU by sequence" in text
+    assert len(set(re.findall(r'<section id="([^"]+)"', text))) == 6
+
+
+def test_what_was_scored_is_not_scored_again(no_page, command, runs, tmp_path):
+    main(command)
+    first = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
+    assert runs == [(model, name) for name in ("d", "c", "a", "b") for model in ("half", "perfect")]
+    main(command)
+    assert len(runs) == 8
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()} == first
+    next((tmp_path / "out" / "scores" / "half").glob("table_c-*.json")).write_text('{"of": ')  # cut short by a crash
+    main(command)
+    assert runs[8:] == [("half", "c")]
+
+
+def test_a_benchmark_that_was_interrupted_goes_on(command, runs, tmp_path, monkeypatch):
+    from evimo.benchmark import cases
+
+    def interrupted(recording, models, tick):
+        if recording.path.name == "a":
+            raise KeyboardInterrupt
+        return tallies_of(recording, models, tick)
+
+    tallies_of = cases.tallies_of
+    monkeypatch.setattr(cases, "tallies_of", interrupted)
+    assert main(command) == 130
+    assert not (tmp_path / "out" / "benchmark.html").exists()
+    monkeypatch.setattr(cases, "tallies_of", tallies_of)
+    assert main(command) == 0
+    assert [name for model, name in runs if model == "half"] == ["d", "c", "a", "b"]
+
+
+def test_models_score_side_by_side_what_they_score_alone(no_page, command, runs, recordings, tmp_path):
+    main(command)
+    together = values_in(tmp_path / "out")
+    for model in ("half", "perfect"):
+        alone = ["benchmark", "--data", str(recordings), "--out", str(tmp_path / model), "--models", model]
+        assert main(alone) == 0
+        found = values_in(tmp_path / model)
+        assert found == {key: value for key, value in together.items() if key[2] not in {"half", "perfect"} - {model}}
+
+
+def test_trivial_answers_are_scored_on_the_slices_of_the_models(no_page, command, runs, tmp_path):
+    main(command)
+    with_models = values_in(tmp_path / "out")
+    for path in (tmp_path / "out" / "scores" / "trivial_answers").iterdir():
+        path.unlink()
+    main(command)
+    assert values_in(tmp_path / "out") == with_models
+    assert len(runs) == 8
+
+
+def test_other_weights_of_the_same_name_are_scored_anew(no_page, command, runs, monkeypatch):
+    main(command)
+
+    class Trained:
+        def __init__(self, name):
+            self.identity = {"sha256": f"other weights of {name}" if name == "half" else f"digest of {name}"}
+
+    monkeypatch.setattr("evimo.benchmark.cases.model_of", Trained)
+    main(command)
+    assert [model for model, _ in runs[8:]] == ["half"] * 4
+
+
+def test_folders_of_ev_imo_name_the_background(no_page, runs, saved, tmp_path):
+    saved(tmp_path / "eval" / "wall" / "seq_00", background=None)
+    assert main(["benchmark", "--data", str(tmp_path / "eval"), "--out", str(tmp_path / "out"), *MODELS]) == 0
+    assert ("II", "wall", "half", "iou") in values_in(tmp_path / "out")
+
+
+def test_recordings_of_no_known_background_are_one_scene(runs, saved, tmp_path):
+    saved(tmp_path / "mine" / "first", background=None)
+    assert main(["benchmark", "--data", str(tmp_path / "mine"), "--out", str(tmp_path / "out"), *MODELS]) == 0
+    assert values_in(tmp_path / "out")["II", "all recordings", "half", "iou"] == approx(50 / 140)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--minutes", "1"], "--minutes, --seed, --size, --workers and --dask are of simulated recordings"),
+        (["--models", "unknown"], "no model 'unknown'"),
+        (["--models", "half", "half"], "two models are called 'half'"),
+        (["--empty-models"], "no model"),
+    ],
+)
+def test_what_does_not_fit_is_one_error(words, said, runs, recordings, tmp_path, capsys):
+    assert main(["benchmark", "--data", str(recordings), "--out", str(tmp_path / "out"), *words]) == 2
+    assert said in capsys.readouterr().err
+    assert not list((tmp_path / "out").glob("benchmark.*"))
+
+
+def test_an_empty_folder_is_one_error(runs, tmp_path, capsys):
+    (tmp_path / "empty").mkdir()
+    assert main(["benchmark", "--data", str(tmp_path / "empty"), "--out", str(tmp_path / "out"), *MODELS]) == 2
+    assert "no recording in" in capsys.readouterr().err
+
+
+def test_recordings_of_another_plan_are_refused(runs, tmp_path, capsys):
+    folder = tmp_path / "out" / "recordings"
+    folder.mkdir(parents=True)
+    (folder / INDEX).write_text(json.dumps(BenchmarkPlan(minutes=0.5, seed=3, size=(24, 32)).index()))
+    assert main(["benchmark", "--out", str(tmp_path / "out"), "--minutes", "0.5", "--size", "32x24", *MODELS]) == 2
+    told = capsys.readouterr().err
+    assert "recordings of another plan: seed 3 instead of seed 71000000" in told
+    assert [path.name for path in folder.iterdir()] == [INDEX]
+
+
+def test_an_unknown_model_is_refused_before_anything_is_simulated(runs, tmp_path, capsys):
+    assert main(["benchmark", "--out", str(tmp_path / "out"), "--models", "unknown"]) == 2
+    assert "no model 'unknown'" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "recordings").exists()
+
+
+def test_the_papers_numbers_are_the_papers():
+    paper = Path(__file__).parents[3] / "shared" / "paper" / "ev-imo.tex"
+    if not paper.exists():
+        pytest.skip("needs ../shared/paper/ev-imo.tex")
+    text = paper.read_text()
+    for label, table in (("table:mo_est", MOTION), ("table:classic", CLASSIC), ("table:main_table_depth", DEPTH)):
+        body = text[: text.index(rf"\label{{{label}}}")].rsplit(r"\begin{tabular}", 1)[1]
+        printed = sorted(re.findall(r"(?<![\d.])\d\.\d{2,3}(?![\d.])", re.sub(r"1\.25", "", body)))
+        ours = sorted(value for line in table.lines for value in line[2:] if value != "–")
+        assert ours == printed, label
