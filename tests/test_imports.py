@@ -21,6 +21,7 @@ ROWS = [
     "formats",
     "recordings",
     "scene model losses classical predictions",
+    "captures",
     "annotate simulate evaluation viewing",
     "training streaming",
     "benchmark",
@@ -35,7 +36,7 @@ EXTRAS = [
     *(*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun", "distributed"),
     *("matplotlib", "jinja2"),
 ]
-ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "simulate"}
+ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "captures", "annotate", "simulate"}
 TRAINING_MODULES = {f"evimo.geometry.{name}" for name in ("grids", "motion_field", "poses", "warping")}
 
 

@@ -24,6 +24,7 @@ COMMANDS = {
     "download": "Fetch EV-IMO, and go on where it stopped.",
     "view": "Show a recording as a video, with its truth where that is known.",
     "simulate": "Make recordings with exact truth.",
+    "annotate": "Make the truth of a capture from motion capture and scans.",
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",
     "benchmark": "Repeat the paper's experiments, and write their tables and a page.",
