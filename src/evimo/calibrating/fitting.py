@@ -19,6 +19,7 @@ OUTLIER = 4.0  # times the robust deviation
 LEAST_OUTLIER_PX = 2.0
 ROUNDS = 4
 FEWEST = 20  # points
+STEPS = {"rig_from_cam": 1e-5, "body_from_target": 1e-5, "offset_us": 100.0, "intrinsics": 1e-2, "lens": 1e-4}
 NEAREST_M = 0.02  # the camera looks from no nearer
 
 
@@ -103,8 +104,15 @@ def _solved(vary: "_Variables", errors: Callable[[Calibration], F8]) -> Optimize
     def miss(steps: F8) -> F8:
         return np.nan_to_num(errors(vary.made(steps)), nan=0.0).ravel()
 
-    zero = np.zeros(len(vary.scale))
-    return least_squares(miss, zero, x_scale=vary.scale, loss="soft_l1", f_scale=SOFT_PX, diff_step=1e-7, max_nfev=100)
+    def slopes(steps: F8) -> F8:
+        """Central differences: poses come from splines at whole µs, which small steps of the clock would not move."""
+        ways = np.diag(vary.step)
+        return np.stack([(miss(steps + way) - miss(steps - way)) / (2 * way.max()) for way in ways], axis=1)
+
+    zero = np.zeros(len(vary.step))
+    return least_squares(
+        miss, zero, jac=slopes, x_scale=vary.step, loss="soft_l1", f_scale=SOFT_PX, xtol=1e-10, max_nfev=100
+    )
 
 
 def _errors(made: Calibration, sightings: Sightings, mocap: Mocap) -> F8:
@@ -130,8 +138,7 @@ class _Variables:
             "intrinsics": 4 if free.intrinsics else 0,
             "lens": lens,
         }
-        scales = {"rig_from_cam": 0.01, "body_from_target": 0.01, "offset_us": 1000.0, "intrinsics": 10.0, "lens": 0.1}
-        self.scale = np.concatenate([np.full(count, scales[name]) for name, count in self._counts.items()])
+        self.step = np.concatenate([np.full(count, STEPS[name]) for name, count in self._counts.items()])
 
     def made(self, steps: F8) -> Calibration:
         """The calibration after these steps."""
@@ -161,7 +168,10 @@ class _Variables:
         spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0) * (2 * solved.cost) / freedom)
         stops = np.cumsum(list(self._counts.values()))
         part = dict(zip(self._counts, np.split(spread, stops[:-1]), strict=True))
-        found = {"position_m": float(part["rig_from_cam"][:3].max()), "rotation_rad": float(part["rig_from_cam"][3:].max())}
+        found = {
+            "position_m": float(part["rig_from_cam"][:3].max()),
+            "rotation_rad": float(part["rig_from_cam"][3:].max()),
+        }
         for name in ("offset_us", "intrinsics"):
             if len(part[name]):
                 found[name if name == "offset_us" else "intrinsics_px"] = float(part[name].max())

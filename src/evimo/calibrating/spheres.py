@@ -69,9 +69,7 @@ def find_sphere(
     return _settled(points, centres[best], float(radius[best]), radii=radii, tolerance=tolerance)
 
 
-def _settled(
-    points: F8, centre: F8, radius: float, *, radii: tuple[float, float], tolerance: float
-) -> Sphere | None:
+def _settled(points: F8, centre: F8, radius: float, *, radii: tuple[float, float], tolerance: float) -> Sphere | None:
     """The sphere after least squares over its own points, until these are the same ones; None if it dissolves."""
     kept = np.zeros(len(points), np.bool_)
     for step in range(SETTLING):
