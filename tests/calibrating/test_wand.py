@@ -31,5 +31,5 @@ def test_what_was_planted_is_found(known, intrinsics):
     assert abs(made.offset_us - known.offset_us) < 200
     assert made.camera.fx == pytest.approx(known.camera.fx, rel=0.003)
     assert np.linalg.norm(made.body_from_target[:3, 3] - known.body_from_wand[:3, 3]) < 0.001
-    print(np.linalg.norm(made.rig_from_cam[:3, 3] - known.rig_from_cam[:3, 3]), np.degrees(angle_between(made.rig_from_cam, known.rig_from_cam)), made.offset_us, made.camera, fit.deviations, fit.median_px, len(found))
+
     assert fit.median_px < 0.35 and len(found) > 1000

@@ -78,7 +78,8 @@ def fit_calibration(start: Calibration, sightings: Sightings, mocap: Mocap, free
     Raises:
         BadInput: too few sightings where mocap knows both bodies.
     """
-    kept = np.isfinite(_errors(start, sightings, mocap)).all(axis=1)
+    placed = _Placed(sightings.times_us, mocap)
+    kept = np.isfinite(_errors(start, sightings, placed)).all(axis=1)
     now, solved, vary = start, None, _Variables(start, free)
     for _ in range(ROUNDS):
         if kept.sum() < FEWEST:
@@ -86,9 +87,9 @@ def fit_calibration(start: Calibration, sightings: Sightings, mocap: Mocap, free
                 f"only {int(kept.sum())} points of the target are usable", fix=f"{FEWEST} and more, in several images"
             )
         vary, part = _Variables(now, free), sightings.where(kept)
-        solved = _solved(vary, lambda made, part=part: _errors(made, part, mocap))
+        solved = _solved(vary, lambda made, part=part: _errors(made, part, placed))
         now = vary.made(solved.x)
-        errors = _errors(now, sightings, mocap)
+        errors = _errors(now, sightings, placed)
         length = np.linalg.norm(errors, axis=1)
         gate = max(OUTLIER * 1.4826 * float(np.nanmedian(length[kept])) / 1.1774, LEAST_OUTLIER_PX)
         renewed = np.isfinite(length) & (length < gate)
@@ -96,7 +97,7 @@ def fit_calibration(start: Calibration, sightings: Sightings, mocap: Mocap, free
             break
         kept = renewed
     assert solved is not None
-    errors = _errors(now, sightings, mocap)
+    errors = _errors(now, sightings, placed)
     return Fit(now, errors, kept, vary.deviations(solved))
 
 
@@ -115,9 +116,24 @@ def _solved(vary: "_Variables", errors: Callable[[Calibration], F8]) -> Optimize
     )
 
 
-def _errors(made: Calibration, sightings: Sightings, mocap: Mocap) -> F8:
+class _Placed:
+    """The target's poses on the rig at the images' times; the last ones are kept, since few steps move the clock."""
+
+    def __init__(self, times_us: F8, mocap: Mocap) -> None:
+        self._times_us, self._mocap = times_us, mocap
+        self._offset_us = 0.0
+        self._last = mocap.rig_from_target(times_us)
+
+    def at(self, offset_us: float) -> tuple[F8, NDArray[np.bool_]]:
+        """As `Mocap.rig_from_target` says, under an offset."""
+        if offset_us != self._offset_us:
+            self._last, self._offset_us = self._mocap.rig_from_target(self._times_us - offset_us), offset_us
+        return self._last
+
+
+def _errors(made: Calibration, sightings: Sightings, placed: _Placed) -> F8:
     """Found minus expected, (N, 2) px; NaN where mocap knows too little, huge behind the camera."""
-    rig_from_body, known = mocap.rig_from_target(sightings.times_us - made.offset_us)
+    rig_from_body, known = placed.at(made.offset_us)
     cam_from_target = inverse(made.rig_from_cam) @ rig_from_body @ made.body_from_target
     at = moved(cam_from_target[sightings.image], sightings.points[:, None])[:, 0]
     depth = np.maximum(at[:, 2:], NEAREST_M)
