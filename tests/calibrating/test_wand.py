@@ -19,7 +19,7 @@ def test_what_was_planted_is_found(known, intrinsics):
     fit, found = calibrate_with_wand(
         known.spots(rng, times_us),
         times_us,
-        Wand(lights=known.lights, body_from_lights=about),
+        Wand(lights=known.lights, body_from_lights=about, deviation_m=0.002),
         known.mocap(rng),
         start=BLANK if intrinsics else known.camera,
         free=Free(intrinsics=intrinsics, lens=intrinsics),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
+from scipy.spatial.transform import Rotation
 
 from evimo.calibrating.rigid import inverse, moved, nudged
 from evimo.calibrating.sightings import Mocap, Sightings
@@ -48,6 +49,24 @@ class Calibration:
 
 
 @dataclass(frozen=True, slots=True)
+class Anchor:
+    """Where the target was measured to be on its body (4, 4), and how well, m, at a distance of `lever_m` from there.
+
+    It keeps few sightings from moving the target to where that suits the lens.
+    """
+
+    body_from_target: F8
+    deviation_m: float
+    lever_m: float
+
+    def miss(self, body_from_target: F8) -> F8:
+        """How far a place is from it (6,), in standard deviations."""
+        step = inverse(self.body_from_target) @ body_from_target
+        turn = Rotation.from_matrix(step[:3, :3]).as_rotvec()
+        return np.concatenate((step[:3, 3], self.lever_m * turn)) / self.deviation_m
+
+
+@dataclass(frozen=True, slots=True)
 class Fit:
     """A calibration with what is left of the errors.
 
@@ -72,8 +91,17 @@ class Fit:
         return float(np.sqrt((self.errors_px[self.kept] ** 2).sum(axis=1).mean()))
 
 
-def fit_calibration(start: Calibration, sightings: Sightings, mocap: Mocap, free: Free) -> Fit:
+def fit_calibration(
+    start: Calibration, sightings: Sightings, mocap: Mocap, free: Free, *, anchor: Anchor | None = None
+) -> Fit:
     """The calibration that brings the target's points closest to where they were found, mistaken ones left out.
+
+    Args:
+        start: near it.
+        sightings: of the target.
+        mocap: where the rig and the target were.
+        free: what is fitted.
+        anchor: what is known of the target's place, if anything.
 
     Raises:
         BadInput: too few sightings where mocap knows both bodies.
@@ -87,7 +115,7 @@ def fit_calibration(start: Calibration, sightings: Sightings, mocap: Mocap, free
                 f"only {int(kept.sum())} points of the target are usable", fix=f"{FEWEST} and more, in several images"
             )
         vary, part = _Variables(now, free), sightings.where(kept)
-        solved = _solved(vary, lambda made, part=part: _errors(made, part, placed))
+        solved = _solved(vary, lambda made, part=part: _errors(made, part, placed), anchor)
         now = vary.made(solved.x)
         errors = _errors(now, sightings, placed)
         length = np.linalg.norm(errors, axis=1)
@@ -101,9 +129,11 @@ def fit_calibration(start: Calibration, sightings: Sightings, mocap: Mocap, free
     return Fit(now, errors, kept, vary.deviations(solved))
 
 
-def _solved(vary: "_Variables", errors: Callable[[Calibration], F8]) -> OptimizeResult:
+def _solved(vary: "_Variables", errors: Callable[[Calibration], F8], anchor: Anchor | None) -> OptimizeResult:
     def miss(steps: F8) -> F8:
-        return np.nan_to_num(errors(vary.made(steps)), nan=0.0).ravel()
+        made = vary.made(steps)
+        told = anchor.miss(made.body_from_target) if anchor and vary.free.target else np.zeros(0)
+        return np.concatenate((np.nan_to_num(errors(made), nan=0.0).ravel(), told))
 
     def slopes(steps: F8) -> F8:
         """Central differences: poses come from splines at whole µs, which small steps of the clock would not move."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from evimo.calibrating.clock import search_offset
-from evimo.calibrating.fitting import NEAREST_M, Calibration, Fit, Free, fit_calibration
+from evimo.calibrating.fitting import NEAREST_M, Anchor, Calibration, Fit, Free, fit_calibration
 from evimo.calibrating.lights import WandPattern
 from evimo.calibrating.resection import resect, taken_apart
 from evimo.calibrating.rigid import inverse, moved
@@ -26,10 +26,16 @@ GUIDED = 2  # times that lights are found by prediction and fitted again
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wand:
-    """Lights (K, 3) in m on the axes of a scan, and where these lie on the body that mocap tracks (4, 4)."""
+    """Lights (K, 3) in m, where their axes lie on the body that mocap tracks (4, 4), and how well that is known, m."""
 
     lights: F8
     body_from_lights: F8
+    deviation_m: float
+
+    def anchor(self) -> Anchor:
+        """The same, for a fit."""
+        spread = self.lights - self.lights.mean(axis=0)
+        return Anchor(self.body_from_lights, self.deviation_m, float(np.sqrt((spread**2).sum(axis=1).mean())))
 
 
 def calibrate_with_wand(
@@ -60,7 +66,7 @@ def calibrate_with_wand(
     found = first
     for _ in range(GUIDED):
         found = _predicted(spots, times_us, wand, mocap, fit.calibration)
-        fit = fit_calibration(fit.calibration, found, mocap, free)
+        fit = fit_calibration(fit.calibration, found, mocap, free, anchor=wand.anchor())
     return fit, found
 
 
@@ -99,7 +105,7 @@ def _first_fit(first: Sightings, wand: Wand, mocap: Mocap, *, start: Camera, fre
     )
     stiff = Free(intrinsics=free.intrinsics, lens=free.lens, target=False, clock=free.clock)
     rough = fit_calibration(begin, first.where(kept), mocap, stiff)
-    return fit_calibration(rough.calibration, first.where(kept), mocap, free)
+    return fit_calibration(rough.calibration, first.where(kept), mocap, free, anchor=wand.anchor())
 
 
 def _predicted(spots: Sequence[F8], times_us: F8, wand: Wand, mocap: Mocap, now: Calibration) -> Sightings:
