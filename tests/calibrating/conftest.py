@@ -106,5 +106,6 @@ def known():
         mocap=mocap_of,
         spots=spots_of_wand,
         pixels=opencv_pixels,
+        rotations=rotations,
         noise=Noise,
     )
