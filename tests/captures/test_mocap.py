@@ -113,4 +113,4 @@ def test_a_damaged_message_and_a_missing_file_are_said(tmp_path, poses, vicon_ba
 def test_a_track_knows_another_clock(tmp_path, poses):
     track = load_tracks(write_csv(tmp_path / "all.csv", poses))["Rig"]
     assert (track.shifted(-1250).times_us - track.times_us == -1250).all()
-    assert Rotation.from_matrix(track.part(3, 5).world_from_body[:, :3, :3]).magnitude().shape == (2,)
+    assert Rotation.from_matrix(track.picked(np.array([3, 5])).world_from_body[:, :3, :3]).magnitude().shape == (2,)

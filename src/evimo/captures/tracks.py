@@ -38,10 +38,9 @@ class MocapTrack:
         matrices[:, :3, 3] = self.position
         return matrices
 
-    def part(self, first: int, last: int) -> "MocapTrack":
-        """The samples with first <= index < last, as views."""
-        cut = slice(first, last)
-        return MocapTrack(self.body, self.times_us[cut], self.position[cut], self.turn[cut], self.tracked[cut])
+    def picked(self, index: NDArray[np.intp]) -> "MocapTrack":
+        """Some of the samples."""
+        return MocapTrack(self.body, self.times_us[index], self.position[index], self.turn[index], self.tracked[index])
 
     def shifted(self, offset_us: int) -> "MocapTrack":
         """The same in a clock that shows offset_us more."""

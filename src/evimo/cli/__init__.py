@@ -21,6 +21,7 @@ COMMANDS = {
     "info": "Say what is in a recording.",
     "view": "Show a recording as a video, with its truth where that is known.",
     "simulate": "Make recordings with exact truth.",
+    "annotate": "Make the truth of a capture from motion capture and scans.",
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",
     "locate-markers": "Find the markers of motion capture in scans.",
