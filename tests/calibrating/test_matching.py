@@ -35,7 +35,7 @@ def test_two_ways_that_fit_equally_are_an_error():
 
 
 def test_a_mirror_image_is_no_match():
-    with pytest.raises(BadInput, match="no three|ways"):
+    with pytest.raises(BadInput, match=r"no three|ways"):
         match_markers(CAR, CAR * (1, 1, -1), tolerance=5e-4)
 
 

@@ -59,7 +59,7 @@ def is_collected(folder: Path) -> bool:
 
 
 def load_collected(folder: Path, camera: str | None) -> Collected:
-    """Load a set: `rig_0_poses.txt`, another file of poses, and a folder of images named by their times for each camera.
+    """Load a set: `rig_0_poses.txt`, another file of poses, and for each camera a folder of images named by time.
 
     Args:
         folder: of the set.

@@ -24,6 +24,7 @@ Render = Callable[[float, F8], Rendered]
 """Draw everything at a time of mocap's clock, µs, from a camera at world_from_cam (4, 4)."""
 
 BLURS_PX = (6.0, 3.0, 1.5, 1.5)  # of events, in rounds: from how far outlines are drawn in, and then how exactly
+SEARCH_US = 5_000.0  # from one clock to the next that is tried: a few px
 AROUND = 4.0  # times as far, events around an outline are counted, with which those on it are compared
 MOST_POINTS = 300  # of the outlines of a moment
 FEWEST_POINTS = 1_000  # together
@@ -34,7 +35,7 @@ PULL = 1e-5  # of that knowledge, in density
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """Events of a short while: the time of its middle, µs, in the camera's clock, and how many each pixel had (H, W)."""
+    """Events of a short while: the time of its middle, µs, camera's clock, and how many each pixel had (H, W)."""
 
     time_us: float
     counts: F8
@@ -65,7 +66,12 @@ class EdgeFit:
 
 
 def refine_by_edges(
-    start: Calibration, moments: Sequence[Moment], world: World, *, advance: Callable[[], None] = lambda: None
+    start: Calibration,
+    moments: Sequence[Moment],
+    world: World,
+    *,
+    search_us: float = 0.0,
+    advance: Callable[[], None] = lambda: None,
 ) -> EdgeFit:
     """The camera's place and clock under which outlines meet the events of many moments best.
 
@@ -73,12 +79,13 @@ def refine_by_edges(
         start: within some pixels of the truth; the camera itself and the target are kept.
         moments: in which something moves.
         world: mocap and scans.
+        search_us: how far the clock may be off, to either side, before alignment begins.
         advance: called after each of the len(BLURS_PX) rounds.
 
     Raises:
         BadInput: too few outlines are in view while mocap knows where everything is.
     """
-    now, first = start, 0.0
+    now, first = _clock_searched(start, moments, world, search_us), 0.0
     outlines: list[_Outline] = []
     for number, blur_px in enumerate(BLURS_PX):
         outlines = _drawn(now, moments, world, blur_px)
@@ -88,6 +95,16 @@ def refine_by_edges(
         advance()
     halves = tuple(_aligned(now, start, outlines[half::2], world) for half in (0, 1))
     return EdgeFit(now, first, _mean(_scores(now, outlines, world)), (halves[0], halves[1]))
+
+
+def _clock_searched(start: Calibration, moments: Sequence[Moment], world: World, search_us: float) -> Calibration:
+    """The calibration with the clock under which most events are on the outlines as they are drawn now."""
+    if not search_us:
+        return start
+    outlines = _drawn(start, moments, world, BLURS_PX[0])
+    offsets = start.offset_us + np.arange(-search_us, search_us + SEARCH_US / 2, SEARCH_US)
+    tried = [replace(start, offset_us=float(offset_us)) for offset_us in offsets]
+    return tried[int(np.argmax([_mean(_scores(each, outlines, world)) for each in tried]))]
 
 
 @dataclass(frozen=True, slots=True)

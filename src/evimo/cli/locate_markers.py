@@ -37,7 +37,7 @@ def locate_markers(
         unit: of the scans; a capture says it itself.
         radius: smallest and largest of a marker, in mm.
         tolerance: how far a scan's marker may lie from the one of motion capture, in mm.
-        out: folder for a list of markers of each scan, or the file of a capture; markers.yaml in the capture by default.
+        out: folder for a list of markers of each scan; of a capture, the file, markers.yaml in it by default.
     """
     check_installed("locating markers", "scipy", "trimesh", extra="simulate")
     if not scans:

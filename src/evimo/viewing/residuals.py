@@ -1,4 +1,4 @@
-"""What a calibration leaves: arrows over the sensor from where points should be to where they were found, and a curve."""
+"""What a calibration leaves: arrows over the sensor from where points should be to where they were, and a curve."""
 
 import cv2
 import numpy as np
