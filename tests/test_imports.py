@@ -30,7 +30,7 @@ HEIGHT = {room: height for height, row in enumerate(ROWS) for room in row.split(
 
 # These come with an extra: imported only inside the function that needs them, except in rooms that nobody enters
 # without the extra.
-SIMULATING = ["scipy", "skimage", "trimesh"]
+SIMULATING = ["scipy", "skimage", "trimesh", "small_gicp"]
 EXTRAS = [*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun"]
 ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "captures", "annotate", "calibrating", "simulate"}
 TRAINING_MODULES = {f"evimo.geometry.{name}" for name in ("grids", "motion_field", "poses", "warping")}

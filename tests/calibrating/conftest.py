@@ -43,6 +43,12 @@ def world_from_wand(t_s):
     return world_from_rig(t_s) @ RIG_FROM_CAM @ cam_from_lights @ inverse(BODY_FROM_WAND)
 
 
+def cam_from_wand(times_us):
+    """Where the wand's lights are in front of the camera at times of the camera's clock."""
+    t_s = (times_us - OFFSET_US) / 1e6
+    return inverse(RIG_FROM_CAM) @ inverse(world_from_rig(t_s)) @ world_from_wand(t_s) @ BODY_FROM_WAND
+
+
 def opencv_pixels(points, camera=CAMERA):
     """Points (N, 3) in camera axes to pixels by OpenCV, another road than ours."""
     matrix = np.array(((camera.fx, 0, camera.cx), (0, camera.fy, camera.cy), (0, 0, 1)))
@@ -82,10 +88,8 @@ def mocap_of(rng, noise=Noise(), seconds=SECONDS):
 
 def spots_of_wand(rng, times_us, noise=Noise()):
     """Bright spots in images at times of the camera's clock, in any order, with strangers among them."""
-    t_s = (times_us - OFFSET_US) / 1e6
-    cam_from_lights = inverse(RIG_FROM_CAM) @ inverse(world_from_rig(t_s)) @ world_from_wand(t_s) @ BODY_FROM_WAND
     spots = []
-    for each in cam_from_lights:
+    for each in cam_from_wand(times_us):
         px = opencv_pixels(LIGHTS @ each[:3, :3].T + each[:3, 3]) + rng.normal(0, noise.px, (len(LIGHTS), 2))
         inside = ((px >= 0) & (px <= (CAMERA.width - 1, CAMERA.height - 1))).all(axis=1)
         px = px[inside & (rng.random(len(px)) >= noise.missed)]
@@ -105,6 +109,7 @@ def known():
         lights=LIGHTS,
         mocap=mocap_of,
         spots=spots_of_wand,
+        cam_from_wand=cam_from_wand,
         pixels=opencv_pixels,
         rotations=rotations,
         noise=Noise,

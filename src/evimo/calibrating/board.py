@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from evimo.calibrating.fitting import Calibration, Fit, Free, fit_calibration
-from evimo.calibrating.rigid import angle_between, inverse, pose
+from evimo.calibrating.rigid import angle_between, nearest_rotation, pose
 from evimo.calibrating.sightings import Mocap, Sightings
 from evimo.calibrating.targets import BoardTarget
 from evimo.errors import BadInput
@@ -19,6 +19,7 @@ F8 = NDArray[np.float64]
 FEWEST_IMAGES = 8
 FINDING = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
 STEP_US = 5_000.0
+DETERMINED = 1e-4  # of the equations of rotation; below, another camera fits as well
 FAR = 5  # images between two whose rotations are compared
 
 
@@ -80,14 +81,21 @@ def hand_eye(cam_from_board: F8, rig_from_body: F8) -> tuple[F8, F8]:
     Raises:
         BadInput: they do not determine it.
     """
-    board_turn, board_place = cam_from_board[:, :3, :3], cam_from_board[:, :3, 3]
-    body_turn, body_place = rig_from_body[:, :3, :3], rig_from_body[:, :3, 3]
-    found = cv2.calibrateRobotWorldHandEye(list(board_turn), list(board_place), list(body_turn), list(body_place))
-    turn, place, other_turn, other_place = (np.asarray(each) for each in found)
-    board_from_body, cam_from_rig = pose(turn, place.ravel()), pose(other_turn, other_place.ravel())
-    if not (np.isfinite(board_from_body).all() and np.isfinite(cam_from_rig).all()):
+    count = len(cam_from_board)
+    board_turn, body_turn = cam_from_board[:, :3, :3], rig_from_body[:, :3, :3]
+    # rig_from_cam @ cam_from_board = rig_from_body @ body_from_board: linear in both unknown rotations, row by row.
+    rows = np.zeros((count, 9, 18))
+    rows[:, :, :9] = np.einsum("ik,njl->nilkj", np.eye(3), board_turn).reshape(count, 9, 9)
+    rows[:, :, 9:] = -np.einsum("nik,jl->niljk", body_turn, np.eye(3)).transpose(0, 1, 2, 4, 3).reshape(count, 9, 9)
+    values, ways = np.linalg.eigh(np.einsum("nri,nrj->ij", rows, rows))
+    if values[1] < DETERMINED * values[-1]:
         raise BadInput("the views do not tell where the camera is", fix="turn the board or the rig about all axes")
-    return inverse(cam_from_rig), inverse(board_from_body)
+    both = ways[:, 0].reshape(2, 3, 3)
+    cam_turn, own_turn = (nearest_rotation(each) for each in both * np.sign(np.linalg.det(both[0])))
+    places = np.concatenate((np.broadcast_to(np.eye(3), (count, 3, 3)), -body_turn), axis=2).reshape(-1, 6)
+    known = rig_from_body[:, :3, 3] - cam_from_board[:, :3, 3] @ cam_turn.T
+    solved = np.linalg.lstsq(places, known.ravel(), rcond=None)[0]
+    return pose(cam_turn, solved[:3]), pose(own_turn, solved[3:])
 
 
 def _views(px: Sequence[F8], board: BoardTarget, start: Camera, free: Free) -> tuple[Camera, F8]:
@@ -104,7 +112,7 @@ def _views(px: Sequence[F8], board: BoardTarget, start: Camera, free: Free) -> t
     views: list[F8] = []
     for each in px:
         _, turn, place = cv2.solvePnP(board.corners, start.normalised(each)[0], np.eye(3), np.zeros(4))
-        views.append(pose(Rotation.from_rotvec(np.ravel(turn)).as_matrix(), np.ravel(place)))
+        views.append(pose(Rotation.from_rotvec(np.ravel(turn)).as_matrix(), np.ravel(place).astype(np.float64)))
     return start, np.array(views)
 
 

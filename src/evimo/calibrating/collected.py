@@ -50,7 +50,7 @@ class Collected:
             image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
             if image is None:
                 raise BadFile(f"{path} is no image", fix="collect it again, or take it and its line of poses out")
-            yield image.max(axis=2) if image.ndim == 3 else image
+            yield np.asarray(image.max(axis=2) if image.ndim == 3 else image, np.uint8)
 
 
 def is_collected(folder: Path) -> bool:

@@ -185,7 +185,7 @@ def event_density(counts: F8, blur_px: float) -> NDArray[np.float32]:
     events = np.sqrt(counts.astype(np.float32))  # pixels that fire without end count less
     on = cv2.GaussianBlur(events, (0, 0), blur_px)
     around = cv2.GaussianBlur(events, (0, 0), AROUND * blur_px)
-    return on / (on + around + 0.25 * float(events.mean()) + 1e-6)
+    return np.asarray(on / (on + around + 0.25 * float(events.mean()) + 1e-6), np.float32)
 
 
 def _aligned(now: Calibration, start: Calibration, outlines: Sequence[_Outline], world: World) -> Calibration:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +108,7 @@ def fit_calibration(
         BadInput: too few sightings where mocap knows both bodies.
     """
     placed = _Placed(sightings.times_us, mocap)
-    kept = np.isfinite(_errors(start, sightings, placed)).all(axis=1)
+    kept = np.asarray(np.isfinite(_errors(start, sightings, placed)).all(axis=1), np.bool_)
     now, solved, vary = start, None, _Variables(start, free)
     for _ in range(ROUNDS):
         if kept.sum() < FEWEST:
@@ -142,7 +143,14 @@ def _solved(vary: "_Variables", errors: Callable[[Calibration], F8], anchor: Anc
 
     zero = np.zeros(len(vary.step))
     return least_squares(
-        miss, zero, jac=slopes, x_scale=vary.step, loss="soft_l1", f_scale=SOFT_PX, xtol=1e-10, max_nfev=100
+        miss,
+        zero,
+        jac=cast("Any", slopes),
+        x_scale=vary.step,
+        loss="soft_l1",
+        f_scale=SOFT_PX,
+        xtol=1e-10,
+        max_nfev=100,
     )
 
 

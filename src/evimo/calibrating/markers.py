@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from evimo.calibrating.spheres import Sphere, find_sphere, fit_spheres
 
@@ -55,7 +55,7 @@ def locate_markers(
         seed: of RANSAC's trials.
     """
     rng = np.random.default_rng(seed)
-    tree = cKDTree(points)
+    tree = KDTree(points)
     spacing = _spacing(points, tree)
     found: list[Marker] = []
     for centre, radius in _proposals(points, radii):
@@ -74,7 +74,7 @@ def marker_of_piece(points: F8, *, radii: tuple[float, float] = RADII, seed: int
     """The one ball in points (N, 3) that were cut out around it, if there is one; rims and bases may be among them."""
     rng = np.random.default_rng(seed)
     sphere = find_sphere(points, radii=radii, tolerance=TOLERANCE, rng=rng)
-    return None if sphere is None else as_marker(points, sphere, _spacing(points, cKDTree(points)))
+    return None if sphere is None else as_marker(points, sphere, _spacing(points, KDTree(points)))
 
 
 def as_marker(points: F8, sphere: Sphere, spacing: float) -> Marker:
@@ -89,7 +89,7 @@ def _proposals(points: F8, radii: tuple[float, float]) -> list[tuple[F8, float]]
     thinned = _thinned(points, radii[0] / 4)
     if len(thinned) < NEIGHBOURS:
         return []
-    tree = cKDTree(thinned)
+    tree = KDTree(thinned)
     fitted: list[tuple[F8, F8]] = []
     for first in range(0, len(thinned), PATCHES_AT_ONCE):
         _, near = tree.query(thinned[first : first + PATCHES_AT_ONCE], k=NEIGHBOURS)
@@ -99,14 +99,14 @@ def _proposals(points: F8, radii: tuple[float, float]) -> list[tuple[F8, float]]
     centres, sizes = centres[fits], sizes[fits]
     if not len(centres):
         return []
-    votes = cKDTree(centres).query_ball_point(centres, AGREE * sizes, return_length=True)
+    votes = KDTree(centres).query_ball_point(centres, AGREE * sizes, return_length=True)
     order = np.argsort(-votes, kind="stable")[: int((votes >= FEWEST).sum())]
     return _apart(centres[order], sizes[order])
 
 
 def _apart(centres: F8, sizes: F8) -> list[tuple[F8, float]]:
     """Proposals without those whose centre lies within half a radius of an earlier one's."""
-    near = cKDTree(centres).query_ball_point(centres, sizes / 2)
+    near = KDTree(centres).query_ball_point(centres, sizes / 2)
     kept: list[tuple[F8, float]] = []
     passed = np.zeros(len(centres), np.bool_)
     for at, those in enumerate(near):
@@ -116,7 +116,7 @@ def _apart(centres: F8, sizes: F8) -> list[tuple[F8, float]]:
     return kept
 
 
-def _spacing(points: F8, tree: cKDTree) -> float:
+def _spacing(points: F8, tree: KDTree) -> float:
     """The usual distance from a point to its nearest neighbour, m."""
     some = points[:: max(1, len(points) // 2000)]
     return float(np.median(tree.query(some, k=2)[0][:, 1]))

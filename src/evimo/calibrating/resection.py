@@ -72,12 +72,12 @@ def resect(points: F8, px: F8, images: NDArray[np.int64], rng: np.random.Generat
 
 def _errors(projection: F8, points: F8, px: F8, image: NDArray[np.int64]) -> F8:
     """Sums over the points of each image, px."""
-    return np.bincount(image, np.linalg.norm(projected(projection, points) - px, axis=1))
+    return np.asarray(np.bincount(image, np.linalg.norm(projected(projection, points) - px, axis=1)), np.float64)
 
 
 def taken_apart(projection: F8) -> tuple[F8, F8]:
     """Intrinsics (3, 3) and the pose `cam_from_rig` (4, 4) of a projection, with the points in front of the camera."""
-    matrix, turn, *_ = cv2.decomposeProjectionMatrix(projection)
+    matrix, turn = (np.asarray(each, np.float64) for each in cv2.decomposeProjectionMatrix(projection)[:2])
     signs = np.diag(np.sign(np.diag(matrix)))
     matrix, turn = matrix @ signs, signs @ turn
     place = np.linalg.solve(matrix, projection[:, 3])

@@ -7,20 +7,22 @@ from scipy.spatial.transform import Rotation
 F8 = NDArray[np.float64]
 
 
-def fit_rigid(to: F8, source: F8, weights: F8 | None = None) -> F8:
+def fit_rigid(to: F8, source: F8) -> F8:
     """The rigid motion (..., 4, 4) that brings source points (..., N, 3) closest to others (..., N, 3), least squares.
 
     A proper rotation always, no mirror image, even where all points lie in a plane (Kabsch, Umeyama).
     """
-    weights = np.ones(source.shape[:-1]) if weights is None else weights
-    weights = (weights / weights.sum(-1, keepdims=True))[..., None]
-    to_mean, source_mean = (weights * to).sum(-2, keepdims=True), (weights * source).sum(-2, keepdims=True)
-    spread = np.swapaxes(weights * (to - to_mean), -1, -2) @ (source - source_mean)
-    left, _, right = np.linalg.svd(spread)
+    to_mean, source_mean = to.mean(-2, keepdims=True), source.mean(-2, keepdims=True)
+    turn = nearest_rotation(np.swapaxes(to - to_mean, -1, -2) @ (source - source_mean))
+    return pose(turn, (to_mean - source_mean @ np.swapaxes(turn, -1, -2))[..., 0, :])
+
+
+def nearest_rotation(matrix: F8) -> F8:
+    """The proper rotations (..., 3, 3) most like matrices (..., 3, 3)."""
+    left, _, right = np.linalg.svd(matrix)
     sign = np.ones(left.shape[:-1])
     sign[..., 2] = np.sign(np.linalg.det(left @ right))
-    turn = (left * sign[..., None, :]) @ right
-    return pose(turn, (to_mean - source_mean @ np.swapaxes(turn, -1, -2))[..., 0, :])
+    return (left * sign[..., None, :]) @ right
 
 
 def pose(turn: F8, place: F8) -> F8:

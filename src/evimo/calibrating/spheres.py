@@ -80,8 +80,8 @@ def _settled(points: F8, centre: F8, radius: float, *, radii: tuple[float, float
         if step and (inliers == kept).all():
             break
         kept = inliers
-        centre, radius = (np.asarray(each) for each in fit_spheres(points[kept]))
-    radius = float(radius)
+        centre, fitted = fit_spheres(points[kept])
+        radius = float(fitted)
     if not radii[0] <= radius <= radii[1]:
         return None
     away = np.abs(np.linalg.norm(points - centre, axis=1) - radius)

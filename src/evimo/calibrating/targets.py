@@ -51,7 +51,7 @@ class BoardTarget:
     def corners(self) -> F8:
         """The inner corners (columns * rows, 3), m, row by row."""
         x, y = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-        return self.square_m * np.stack((x.ravel(), y.ravel(), np.zeros(x.size)), axis=1)
+        return np.asarray(self.square_m * np.stack((x.ravel(), y.ravel(), np.zeros(x.size)), axis=1), np.float64)
 
 
 def load_target(path: str | Path) -> WandTarget | BoardTarget:

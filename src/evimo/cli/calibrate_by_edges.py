@@ -51,11 +51,7 @@ def moments_of(events: "EventFile") -> list["Moment"]:
     from evimo.calibrating.edges import Moment
     from evimo.calibrating.event_images import count_images
 
-    first_us, last_us = 0, 0
-    for number, packet in enumerate(events):
-        first_us = int(packet.t[0]) if not number else first_us
-        last_us = int(packet.t[-1])
-    every_us = max((last_us - first_us) // MOMENTS, WINDOW_US)
+    every_us = max((events.stop_us - events.start_us) // MOMENTS, WINDOW_US)
     windows = count_images(events, events.sensor, window_us=WINDOW_US, every_us=every_us)
     return [Moment(time_us, counts) for time_us, counts in windows if counts.sum() >= FEWEST_EVENTS]
 
