@@ -75,9 +75,8 @@ def test_the_command_writes_a_room_that_a_capture_takes(tmp_path, capsys):
         _write_ply(tmp_path / f"{number}.ply", piece)
         lines.append(f"  - {{scan: {number}.ply, world_from_scan: {pose_words(place)}}}")
     (tmp_path / "room.yaml").write_text("\n".join(lines))
-    assert (
-        main(["align-room", str(tmp_path / "room.yaml"), "--out", str(tmp_path / "room.ply"), "--spacing", "40"]) == 0
-    )
+    command = ["align-room", str(tmp_path / "room.yaml"), "--out", str(tmp_path / "room.ply"), "--spacing", "40"]
+    assert main(command) == 0
     assert len(load_scan(tmp_path / "room.ply").points) > 3000
     assert "gap between fragments" in capsys.readouterr().out
     (tmp_path / "room.yaml").write_text("fragments:\n  - {scan: 0.ply}\n")
