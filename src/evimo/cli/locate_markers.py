@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 RADII = "2-9"
 FILE = "markers.yaml"
+SAME_M = 0.003  # from a marker that was found: a listed one so near is the same
 
 
 def locate_markers(
@@ -147,13 +148,20 @@ def _placed(
     if each.body not in markers:
         raise BadInput(f"no markers of body {each.body}", fix=f"markers of {', '.join(markers)} are there")
     scan = each.load()
-    found = located(scan.points, radii=radii)
-    centres = np.array([marker.centre for marker in found]).reshape(-1, 3)
-    if not found and len(scan.markers):  # scanned without its markers, and listed by hand
-        centres = scan.markers
+    centres = _with_listed(located(scan.points, radii=radii), scan)
     names, on_body = markers_on_body(tracks[each.body], markers[each.body])
     match = match_markers(centres, on_body, tolerance=tolerance_m)
     pairs = ", ".join(f"{scanned + 1} is {names[tracked]}" for scanned, tracked in match.pairs)
     print(f"{each.name}: {len(centres)} markers in the scan, {len(names)} of motion capture: {pairs}")
     print(f"  rms {1e3 * match.rms:.3f} mm, largest {1e3 * match.errors.max():.3f} mm")
     return match.body_from_scan
+
+
+def _with_listed(found: Sequence["Marker"], scan: "Scan") -> np.ndarray:
+    """Centres (K, 3) of the markers found in a scan, and of those that its list has elsewhere.
+
+    People list markers that are not in the scan, as they were put on later, or were too small or shiny for the scanner.
+    """
+    centres = np.array([marker.centre for marker in found]).reshape(-1, 3)
+    away = np.linalg.norm(scan.markers[:, None] - centres, axis=2).min(axis=1, initial=np.inf)
+    return np.concatenate((centres, scan.markers[away > SAME_M]))
