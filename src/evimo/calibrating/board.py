@@ -94,7 +94,7 @@ def hand_eye(cam_from_board: F8, rig_from_body: F8) -> tuple[F8, F8]:
     cam_turn, own_turn = (nearest_rotation(each) for each in both * np.sign(np.linalg.det(both[0])))
     places = np.concatenate((np.broadcast_to(np.eye(3), (count, 3, 3)), -body_turn), axis=2).reshape(-1, 6)
     known = rig_from_body[:, :3, 3] - cam_from_board[:, :3, 3] @ cam_turn.T
-    solved = np.linalg.lstsq(places, known.ravel(), rcond=None)[0]
+    solved = np.asarray(np.linalg.lstsq(places, known.ravel(), rcond=None)[0], np.float64)
     return pose(cam_turn, solved[:3]), pose(own_turn, solved[3:])
 
 

@@ -80,7 +80,7 @@ def taken_apart(projection: F8) -> tuple[F8, F8]:
     matrix, turn = (np.asarray(each, np.float64) for each in cv2.decomposeProjectionMatrix(projection)[:2])
     signs = np.diag(np.sign(np.diag(matrix)))
     matrix, turn = matrix @ signs, signs @ turn
-    place = np.linalg.solve(matrix, projection[:, 3])
+    place = np.asarray(np.linalg.solve(matrix, projection[:, 3]), np.float64)
     if np.linalg.det(turn) < 0:  # a projection means the same with the other sign
         turn, place = -turn, -place
     return matrix / matrix[2, 2], pose(turn, place)
