@@ -109,6 +109,8 @@ def known():
         lights=LIGHTS,
         mocap=mocap_of,
         spots=spots_of_wand,
+        world_from_rig=world_from_rig,
+        world_from_wand=world_from_wand,
         cam_from_wand=cam_from_wand,
         pixels=opencv_pixels,
         rotations=rotations,

@@ -30,12 +30,12 @@ MOST_POINTS = 300  # of the outlines of a moment
 FEWEST_POINTS = 1_000  # together
 STEPS = np.array((1e-3,) * 3 + (1e-3,) * 3 + (500.0,))  # m, rad, µs: a third of a px or so
 USUAL = np.array((0.02,) * 3 + (0.02,) * 3 + (20_000.0,))  # how wrong a calibration is; moves what outlines tell not
-PULL = 1e-5  # of that knowledge, in density
+PULL = 1e-3  # of that knowledge, in density: a fit that ends ten times as far away must be far better
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """Events of a short while: the time of its middle, µs, camera's clock, and how many each pixel had (H, W)."""
+    """Events of a short while: their mean time, µs, camera's clock, and how many each pixel had (H, W)."""
 
     time_us: float
     counts: F8
