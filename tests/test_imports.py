@@ -17,7 +17,7 @@ SRC = Path(__file__).parents[1] / "src" / "evimo"
 ROWS = [
     "errors",
     "compiling geometry samples writing",
-    "events",
+    "events jobs",
     "formats",
     "recordings",
     "scene model losses classical predictions",
@@ -31,7 +31,7 @@ HEIGHT = {room: height for height, row in enumerate(ROWS) for room in row.split(
 # These come with an extra: imported only inside the function that needs them, except in rooms that nobody enters
 # without the extra.
 SIMULATING = ["scipy", "skimage", "trimesh", "small_gicp"]
-EXTRAS = [*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun"]
+EXTRAS = [*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun", "distributed"]
 ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "captures", "annotate", "calibrating", "simulate"}
 TRAINING_MODULES = {f"evimo.geometry.{name}" for name in ("grids", "motion_field", "poses", "warping")}
 
@@ -115,7 +115,8 @@ def test_what_is_imported_is_declared_and_the_other_way_round():
     names = {name.split(".")[0] for file in SRC.rglob("*.py") for name in imported(file)}
     used = spelled(home for name in names - {"evimo"} for home in homes.get(name, []))
     installed = spelled(home for found in homes.values() for home in found)  # some are for other Python versions
-    assert used - spelled([*base, *extras["train"], *extras["formats"], *extras["view"], *extras["simulate"]]) == set()
+    wanted = [each for extra in ("train", "formats", "view", "simulate", "cluster") for each in extras[extra]]
+    assert used - spelled([*base, *wanted]) == set()
     assert (spelled(base) & installed) - used == set()
 
 

@@ -154,6 +154,24 @@ def save_files(folder: str | Path, contents: Mapping[str, str | bytes]) -> None:
         outputs.keep()
 
 
+@contextmanager
+def held_folder(parent: Path) -> Generator[Path]:
+    """A hidden folder that this process holds while the `with` lasts, so that others see by it that it lives."""
+    with OutputFolder(parent) as outputs:
+        yield outputs.path(LOCK).parent
+
+
+def is_held(hidden: Path) -> bool:
+    """Whether somebody holds a hidden folder, if need be on another machine; of what cannot be locked, it is there."""
+    try:
+        lock = _locked(hidden, unsure=False)
+    except OSError as error:
+        return error.errno != errno.ENOENT
+    if lock is not None:
+        lock.close()
+    return lock is None
+
+
 def make_folder(folder: Path, *, fix: str = FIX) -> None:
     """Make a folder where it is missing, and make sure that it can be written: now rather than after hours of work.
 

@@ -102,7 +102,7 @@ def test_a_wrong_calibration_is_put_right(known, balls):
     rng = np.random.default_rng(6)
     moments = [balls.events(rng, time_us) for time_us in np.linspace(0.3e6, 7.7e6, 12)]
     world = World(exactly(balls.rig), {BALL: exactly(balls.ball)}, balls.render(known.camera))
-    wrong = nudged(known.rig_from_cam, np.array((0.006, -0.004, 0.005, 0.012, -0.008, 0.01)))
+    wrong = nudged(known.rig_from_cam, np.array((0.001, -0.002, 0.001, 0.012, -0.008, 0.01)))
     start = Calibration(
         camera=known.camera, rig_from_cam=wrong, body_from_target=np.eye(4), offset_us=known.offset_us - 9_000
     )

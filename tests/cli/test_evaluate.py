@@ -215,3 +215,28 @@ def test_the_classical_method_is_named_by_its_parameters_and_needs_no_weights(
     assert "threshold" in str(report.settings["model parameters"])
     assert not any("sha256" in key for key in report.settings)
     assert "classical" in (out / "report.md").read_text()
+
+
+def test_an_event_file_is_checked_without_truth(fake_network, recording, tmp_path, capsys):
+    command = ["evaluate", str(recording), "--without-truth", "--sensor", "32x24", "--model", str(fake_network)]
+    assert main([*command, "--out", str(tmp_path / "out")]) == 0
+    report = load_report(tmp_path / "out" / "report.json")
+    assert report.value("zero flow", "warp_gain") in (1, None)
+    assert 0 <= report.rows[MODEL]["called_moving"].value <= 1
+    assert "without truth" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "fix"),
+    [
+        (["--without-truth", "--imu", "auto"], "leave them out"),
+        (["--without-truth", "--truth", "x"], "leave them out"),
+        (["--time-unit", "us"], "--without-truth"),
+        (["--calibration", "camera.yaml"], "--without-truth"),
+        (["--without-truth"], "evimo evaluate RECORDING"),
+    ],
+)
+def test_options_of_one_way_to_score_are_refused_with_another(options, fix, capsys):
+    recordings = [] if options == ["--without-truth"] else ["somewhere"]
+    assert main(["evaluate", *recordings, *options]) == 2
+    assert fix in capsys.readouterr().err

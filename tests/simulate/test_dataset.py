@@ -11,6 +11,7 @@ from evimo.cli.simulate import simulate
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import joined, no_events
 from evimo.formats import open_events
+from evimo.jobs.crew import Crew
 from evimo.recordings.recording import open_recording
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset
 from evimo.simulate.pixels import Pixels
@@ -120,7 +121,7 @@ def test_stopping_leaves_no_half_file_of_the_first_layout(tmp_path):
 @pytest.mark.slow
 def test_processes_write_the_same_bytes(tmp_path):
     alone = list(simulate_dataset(PLAN, tmp_path / "alone"))
-    list(simulate_dataset(PLAN, tmp_path / "together", workers=2))
+    list(simulate_dataset(PLAN, tmp_path / "together", crew=Crew(workers=2)))
     for folder in alone:
         for file in folder.iterdir():
             assert file.read_bytes() == (tmp_path / "together" / folder.name / file.name).read_bytes()
@@ -145,7 +146,7 @@ def test_the_command_writes_recordings(tmp_path):
         ({"seed": -1}, "seed"),
         ({"seconds": 0.0}, "0.025"),
         ({"seconds": 0.06}, "multiple of 0.025"),
-        ({"workers": 0}, "at least one"),
+        ({"crew": Crew(workers=0)}, "at least one"),
         ({"sensor": "kodak"}, "davis346"),
         ({"layout": "coco"}, "evimo2, evimo1"),
         ({"events": "dat"}, "aedat4, raw"),
@@ -174,6 +175,6 @@ def test_the_command_takes_layout_events_and_sensor(tmp_path, capsys):
 
 def test_no_workers_are_refused(tmp_path, capsys):
     with pytest.raises(BadInput, match="0 workers"):
-        list(simulate_dataset(PLAN, tmp_path, workers=0))
+        list(simulate_dataset(PLAN, tmp_path, crew=Crew(workers=0)))
     assert main(["simulate", "--minutes", "0.001", "--workers", "-1", "--out", str(tmp_path / "a")]) == 2
     assert "-1 workers" in capsys.readouterr().err

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadFile, BadInput, EvimoWarning, NotFound
+from evimo.jobs.crew import Crew
 from evimo.recordings.facts import facts_of
 from evimo.recordings.recording import open_recording
 from evimo.simulate.dataset import DatasetPlan, simulate_dataset, write_recording
@@ -94,7 +95,7 @@ def test_going_on_with_other_folders_is_refused(folders, tmp_path):
 def test_workers_make_the_same_recordings(folders, tmp_path):
     plan = of(replace(PLAN, minutes=0.1 / 60), own=folders)
     for workers in (1, 2):
-        assert len(list(simulate_dataset(plan, tmp_path / str(workers), workers=workers))) == 2
+        assert len(list(simulate_dataset(plan, tmp_path / str(workers), crew=Crew(workers=workers)))) == 2
     for k in range(2):
         one, two = (tmp_path / str(workers) / f"set5_{k:06d}" for workers in (1, 2))
         assert files_of(one) == files_of(two)

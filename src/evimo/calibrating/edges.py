@@ -29,8 +29,8 @@ AROUND = 4.0  # times as far, events around an outline are counted, with which t
 MOST_POINTS = 300  # of the outlines of a moment
 FEWEST_POINTS = 1_000  # together
 STEPS = np.array((1e-3,) * 3 + (1e-3,) * 3 + (500.0,))  # m, rad, µs: a third of a px or so
-USUAL = np.array((0.02,) * 3 + (0.02,) * 3 + (20_000.0,))  # how wrong a calibration is; moves what outlines tell not
-PULL = 1e-3  # of that knowledge, in density: a fit that ends ten times as far away must be far better
+USUAL = np.array((0.003,) * 3 + (0.02,) * 3 + (50_000.0,))  # how wrong a calibration is, m, rad, µs
+PULL = 5e-3  # of that knowledge, in density. Texture draws outlines inwards, as a step back of the camera would
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""`evimo evaluate`: score a model, or any program's predictions, on recordings that know the truth."""
+"""`evimo evaluate`: score a model, or any program's predictions, with truth; or check a model where there is none."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -7,12 +7,15 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from evimo.cli.progress import progress
+from evimo.cli.reading import AS_TOLD, Reading
 from evimo.errors import BadInput
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.report import Report
 from evimo.evaluation.tables import as_markdown, as_rich
+from evimo.geometry.calibration import load_camera
 from evimo.streaming import evaluating
 from evimo.streaming.evaluating_predictions import WITHIN_MS, evaluate_predictions
+from evimo.streaming.evaluating_without_truth import evaluate_without_truth
 from evimo.writing import make_folder, save_files
 
 WIDTH = 170
@@ -26,11 +29,15 @@ def evaluate(
     imu: Literal["auto", "off"] | None = None,
     within_ms: float | None = None,
     density_threshold: float = DENSITY_THRESHOLD,
+    without_truth: bool = False,
+    calibration: Path | None = None,
+    reading: Reading = AS_TOLD,
 ) -> None:
     """Score a model on simulated recordings, or the predictions of any program, beside the trivial answers.
 
     evimo evaluate RECORDING... --model small
     evimo evaluate PREDICTIONS --truth RECORDING...
+    evimo evaluate RECORDING... --without-truth --calibration FILE
 
     Args:
         paths: recordings, folders or .npz files, or folders that hold them. With --truth, the predictions: estimates.h5
@@ -45,10 +52,21 @@ def evaluate(
             gyroscopes.
         within_ms: how far the time of a predicted mask may be from a slice's centre; 1 unless told otherwise.
         density_threshold: times the mean event density, for that baseline; tuned on other recordings.
+        without_truth: check a model on event files of any known format: whether its flow makes the events' image
+            sharper, whether its rotation is the gyroscope's, whether its masks follow its flow. Beside it stands the
+            classical fit.
+        calibration: of the camera, with --without-truth; else what the recordings say of themselves, or a guess.
+        reading: what the recordings do not tell, with --without-truth.
     """
+    if not without_truth and (calibration or reading != AS_TOLD):
+        raise BadInput("recordings with truth know their camera and how to be read", fix="--without-truth, for others")
     if out is not None:
         make_folder(out)
-    if truth:
+    if without_truth:
+        if truth or imu is not None or within_ms is not None:
+            raise BadInput("--truth, --imu and --within-ms are for recordings with truth", fix="leave them out")
+        report = _without_truth(paths, reading, model=model or "small", calibration=calibration)
+    elif truth:
         if model is not None or imu is not None:
             raise BadInput("--model and --imu run a model; --truth scores predictions", fix="leave them or --truth out")
         report = _of_predictions(paths, truth, within_ms=within_ms, density_threshold=density_threshold)
@@ -76,6 +94,15 @@ def _of_predictions(
     return evaluate_predictions(
         paths[0], truth, within_ms=within, density_threshold=density_threshold, progress=progress
     )
+
+
+def _without_truth(paths: tuple[Path, ...], reading: Reading, *, model: str, calibration: Path | None) -> Report:
+    """The report of a model on recordings without truth."""
+    recordings = [reading.opened(path) for path in paths]
+    camera = None
+    if calibration and recordings:
+        camera = load_camera(calibration, size=recordings[0].sensor, topic=recordings[0].topic)
+    return evaluate_without_truth(recordings, model=model, camera=camera, progress=progress)
 
 
 def _show(report: Report, out: Path | None) -> None:

@@ -1,26 +1,26 @@
-"""`evimo run`: the main job, from a recording to a video, tables and maps."""
+"""`evimo run`: the main job, from recordings to videos, tables and maps."""
 
-import warnings
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from cyclopts import Parameter
+
+from evimo.cli.asked import Asked, heard_warnings
 from evimo.cli.progress import progress
 from evimo.cli.reading import AS_TOLD, Reading
 from evimo.cli.stopping import Request, Stopped, asked_to_stop
-from evimo.errors import BadInput, EvimoWarning
+from evimo.errors import BadInput
+from evimo.jobs.crew import ALONE, Crew
 
 if TYPE_CHECKING:
-    from evimo.streaming.pipeline import Run
     from evimo.streaming.saving import Control, Saved
-
-SHORT_S = 60.0  # of recording: below it the maps are written unless told otherwise
 
 
 def run(
     recording: Path,
-    *,
+    *more: Path,
     model: str = "small",
     calibration: Path | None = None,
     camera: str | None = None,
@@ -33,8 +33,9 @@ def run(
     imu: Literal["auto", "off"] = "auto",
     video: bool = True,
     video_speed: float = 0.25,
+    crew: Annotated[Crew, Parameter(name="*")] = ALONE,
 ) -> int:
-    """Find moving objects, depth and motion in a recording.
+    """Find moving objects, depth and motion in a recording, or in each of several.
 
     Writes video.mp4, egomotion.csv, objects.csv, summary.json, and estimates.h5: the maps of every slice in sensor
     pixels. What is known up to scale only is called rel_…: its lengths are in mean depths of the scene. Ctrl-C stops
@@ -42,6 +43,8 @@ def run(
 
     Args:
         recording: an event file of any known format; `evimo info` says what is inside.
+        more: recordings. Each of several has a folder in that of --out, and the same command again runs over those
+            that are not finished.
         model: a preset's name, or an .onnx file, or classical, a method that needs no weights.
         calibration: of the camera: a file by kalibr, ROS, OpenCV, Metavision or DV, among others. Without it what the
             recording says of itself, else a guess.
@@ -58,21 +61,52 @@ def run(
             can be found; off takes it from the events alone. summary.json says which it was.
         video: make video.mp4.
         video_speed: of the video, 1 being real time; the default is slow enough to watch single slices.
+        crew: who runs over the recordings.
     """
     if not 0 < video_speed <= 100:
         raise BadInput(f"a video {video_speed:g} times as fast", fix="--video-speed between 0 and 100, as in 0.25")
     if camera and not calibration:
         raise BadInput(f"--camera {camera} names a camera of a calibration file", fix="--calibration FILE")
-    with _heard_warnings() as heard:
-        how = {"start_s": start, "stop_s": stop, "event_labels": event_labels, "imu": imu}
-        prepared = _prepared(recording, reading, model=model, calibration=(calibration, camera), how=how)
-        from evimo.streaming.saving import Wanted, save_run
+    crew.check()
+    asked = Asked(
+        model=model,
+        calibration=(calibration, camera),
+        reading=reading,
+        start_s=start,
+        stop_s=stop,
+        dense=dense,
+        event_labels=event_labels,
+        imu=imu,
+        video_speed=video_speed if video else None,
+    )
+    if more or crew != ALONE:
+        return _run_all(asked, (recording, *more), out, crew)
+    return _run_alone(asked, recording, out or _default_folder(recording))
 
-        dense = prepared.span.length_s < SHORT_S if dense is None else dense
-        wanted = Wanted(dense=dense, video_speed=video_speed if video else None)
-        settings = how | {"calibration": calibration and calibration.name, "camera": camera} | reading.settings
+
+def _run_all(asked: Asked, recordings: tuple[Path, ...], out: Path | None, crew: Crew) -> int:
+    from evimo.cli.several import folders_of, run_several
+
+    if len(recordings) == 1:
+        shared = out or _default_folder(recordings[0])
+        folders = {recordings[0]: shared}
+    else:
+        shared = out or Path("out")
+        folders = folders_of(recordings, shared)
+    count = run_several(asked, folders, crew=crew, shared=shared)
+    print(f"{len(folders)} recordings in {shared}, {count} of them run over now")
+    return 0
+
+
+def _run_alone(asked: Asked, recording: Path, out: Path) -> int:
+    """The run over one recording by this process, which tells of every slice and can be stopped after any."""
+    with heard_warnings() as heard:
+        prepared = asked.prepared(recording)
+        from evimo.streaming.saving import save_run
+
+        wanted = asked.wanted(prepared)
         with _controlled(len(prepared.span), heard) as (control, request):
-            saved = save_run(prepared, out or _default_folder(recording), wanted, settings=settings, control=control)
+            saved = save_run(prepared, out, wanted, settings=asked.settings, control=control)
     if saved is None:
         raise Stopped(request.number)
     print(_told(saved))
@@ -81,45 +115,6 @@ def run(
 
 def _default_folder(recording: Path) -> Path:
     return Path("out") / (recording.resolve().stem or "recording")
-
-
-def _prepared(
-    recording: Path, reading: Reading, *, model: str, calibration: tuple[Path | None, str | None], how: dict[str, Any]
-) -> "Run":
-    """The run over a recording, everything checked that can be before it starts.
-
-    `calibration` is a file and the camera's name in it; `how` as in `Run`.
-    """
-    from evimo.streaming.models import model_of
-    from evimo.streaming.pipeline import Run
-
-    network = model_of(model)
-    events = reading.opened(recording)
-    file, name = calibration
-    camera = None
-    if file:
-        from evimo.geometry.calibration import load_camera
-
-        camera = load_camera(file, size=events.sensor, topic=events.topic, camera=name)
-    return Run(events, network, camera=camera, **how)
-
-
-@contextmanager
-def _heard_warnings() -> Generator[list[str]]:
-    """Our warnings as a list for the summary, once each; they are shown as before."""
-    heard: list[str] = []
-    shown = warnings.showwarning
-
-    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
-        if issubclass(category, EvimoWarning) and str(message) not in heard:
-            heard.append(str(message))
-        shown(message, category, *where, **more)
-
-    warnings.showwarning = show
-    try:
-        yield heard
-    finally:
-        warnings.showwarning = shown
 
 
 @contextmanager

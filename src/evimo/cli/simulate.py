@@ -3,10 +3,13 @@
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from evimo.cli.progress import progress
 from evimo.errors import BadInput, check_installed
+from evimo.jobs.crew import ALONE, Crew
 from evimo.writing import make_folder
 
 if TYPE_CHECKING:
@@ -15,7 +18,7 @@ if TYPE_CHECKING:
     from evimo.simulate.replica import ReplicaPlan
 
 SIMULATING = ("scipy", "skimage", "trimesh")
-REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers, --device"
+REPLICA_TAKES = "--minutes, --seed, --size, --texture-dir, --mesh-dir, --workers, --dask, --device"
 
 
 def simulate(
@@ -34,7 +37,7 @@ def simulate(
     events: Literal["aedat4", "raw"] | None = None,
     texture_dir: Path | None = None,
     mesh_dir: Path | None = None,
-    workers: int = 1,
+    crew: Annotated[Crew, Parameter(name="*")] = ALONE,
     device: Literal["cpu", "cuda"] = "cpu",
     replica: bool = False,
 ) -> None:
@@ -61,18 +64,17 @@ def simulate(
         events: beside each recording, its events alone as AEDAT 4 or as Prophesee RAW (EVT 2.0).
         texture_dir: folder of PNG and JPEG pictures; textures are cut from them, besides those of the package.
         mesh_dir: folder of PLY, OBJ, STL, OFF and GLB files, or scans of points as PLY; four in ten things are these.
-        workers: processes.
+        crew: who simulates.
         device: that renders and fires the pixels; cuda is an NVIDIA GPU, of which all workers have their share; it
             needs evimo[cuda], and its events differ a little from the CPU's.
-        replica: of EV-IMO; takes minutes, seed, size, workers, device and both folders, none of the other choices.
+        replica: of EV-IMO; takes minutes, seed, size, workers, dask, device and both folders, nothing else.
     """
     check_installed("simulating", *SIMULATING, extra="simulate")
     from evimo.simulate.film import check_device
     from evimo.simulate.own_folders import OwnFolders
-    from evimo.simulate.workers import check_workers
 
     check_device(device)
-    check_workers(workers)
+    crew.check()
     own, pixels = OwnFolders(texture_dir, mesh_dir), _size(size)
     if replica:
         given = (set, sensor, seconds, camera, layout, events, population, part)
@@ -81,7 +83,7 @@ def simulate(
         from evimo.simulate.replica import MINUTES, ReplicaPlan
 
         length = MINUTES if minutes is None else minutes
-        _write_replica(ReplicaPlan(minutes=length, seed=seed, size=pixels, own=own, device=device), out, workers)
+        _write_replica(ReplicaPlan(minutes=length, seed=seed, size=pixels, own=own, device=device), out, crew)
         return
     if minutes is None:
         raise BadInput("no length", fix="--minutes M, or --replica")
@@ -93,17 +95,17 @@ def simulate(
         seed=seed, set_number=_set_number(set), seconds=seconds, size=pixels, part=part, own=own, **made
     )
     plan = DatasetPlan(first=first, minutes=minutes, every_set=set == "all", layout=layout, events=events)
-    _write_dataset(plan, out, workers)
+    _write_dataset(plan, out, crew)
 
 
-def _write_dataset(plan: "DatasetPlan", out: Path, workers: int) -> None:
+def _write_dataset(plan: "DatasetPlan", out: Path, crew: Crew) -> None:
     from evimo.simulate.dataset import simulate_dataset
 
     _read(plan.first.own)
     make_folder(out)
     there = sum(plan.is_complete(out, seed) for seed in plan.seeds)
     with progress(len(plan.seeds), "recordings") as advance:
-        for number, _ in enumerate(simulate_dataset(plan, out, workers=workers)):
+        for number, _ in enumerate(simulate_dataset(plan, out, crew=crew)):
             advance(made=number >= there)
     print(f"{len(plan.seeds)} recordings in {out}, {len(plan.seeds) - there} of them made now")
 
@@ -115,14 +117,14 @@ def _read(own: "OwnFolders") -> None:
     own.check()
 
 
-def _write_replica(plan: "ReplicaPlan", out: Path, workers: int) -> None:
+def _write_replica(plan: "ReplicaPlan", out: Path, crew: Crew) -> None:
     from evimo.simulate.replica import simulate_replica
 
     _read(plan.own)
     make_folder(out)
     present = {sequence.path for sequence in plan.sequences if (out / sequence.path).exists()}
     with progress(round(sum(sequence.seconds for sequence in plan.sequences), 3), "s of recording") as advance:
-        for sequence in simulate_replica(plan, out, workers=workers):
+        for sequence in simulate_replica(plan, out, crew=crew):
             advance(sequence.seconds, made=sequence.path not in present, facts=sequence.path)
     print(f"{len(plan.sequences)} recordings in {out}, {len(plan.sequences) - len(present)} of them made now")
 

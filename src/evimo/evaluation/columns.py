@@ -63,6 +63,12 @@ OF_ALL: tuple[Column, ...] = (
     Column("delta_1_events", "δ<1.25, events", "higher", "δ<1.25 at pixels with events"),
     Column("delta_2_events", "δ<1.25², events", "higher", "δ<1.25² at pixels with events"),
     Column("delta_3_events", "δ<1.25³, events", "higher", "δ<1.25³ at pixels with events"),
+    Column("warp_gain", "warp gain", "higher", "variance of the image of warped events over that without warping"),
+    Column("gyro_rre", "gyro RRE", "lower", "angle of R_predᵀ R_gyroscope of a slice, per second", 3, "rad/s"),
+    Column("gyro_rre_ratio", "gyro RRE / zero", "lower", "summed gyro RRE over that of no rotation"),
+    Column("consistency", "consistency", "higher", "IoU of a mask with the one before it moved along the flow, pooled"),
+    Column("consistency_still", "without moving it", "higher", "the same, the mask before it left where it was"),
+    Column("called_moving", "called moving", "lower", "share of events called moving; all wrong where nothing moves"),
 )
 
 STRATA = RESIDUALS | AREAS | FAMILIARITY
@@ -86,6 +92,7 @@ def by_stratum(kind: str, strata: Mapping[str, str]) -> tuple[str, ...]:
 
 OVERVIEW = "overview"
 PROTOCOLS_SECTION = "published protocols"
+WITHOUT_TRUTH = "without truth"
 PROTOCOLS: tuple[Protocol, ...] = (
     Protocol("dense", BY_NAME["iou"], DENSE, MOVERS, "EV-IMO"),
     Protocol("dense-30px", BY_NAME["iou_30px"], DENSE, "frames with ≥ 30 moving px", "EV-IMO, small movers left out"),
@@ -124,6 +131,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         *("abs_rel", "rmse_log", "silog", "delta_1", "delta_2", "delta_3"),
         *("abs_rel_events", "rmse_log_events", "silog_events", "delta_1_events", "delta_2_events", "delta_3_events"),
     ),
+    WITHOUT_TRUTH: (*("warp_gain", "gyro_rre", "gyro_rre_ratio", "consistency", "consistency_still", "called_moving"),),
 }
 
 CONVENTIONS: tuple[str, ...] = (

@@ -1,4 +1,4 @@
-"""Many recordings, each from its own seed: resumable, in one process or several."""
+"""Many recordings, each from its own seed: resumable, in one process or several, or on a cluster."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -11,6 +11,8 @@ from evimo.events.events import Events
 from evimo.formats import open_events
 from evimo.formats.npz_members import Archive, array_header
 from evimo.formats.saving import check_events_format, save_events
+from evimo.jobs.crew import ALONE, Crew
+from evimo.jobs.finishing import finished
 from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.writer import RecordingWriter
 from evimo.scene.drawing.scenes import SETS
@@ -18,7 +20,6 @@ from evimo.simulate.film import check_device
 from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import SimulatedRecording, simulate_recording
 from evimo.simulate.resuming import check_made_alike
-from evimo.simulate.workers import finished
 
 LAYOUTS = {"evimo2": "", "evimo1": ".npz"}
 
@@ -75,7 +76,7 @@ class DatasetPlan:
         return f"set{self.of_seed(seed).set_number}_{seed:06d}"
 
 
-def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Iterator[Path]:
+def simulate_dataset(plan: DatasetPlan, out: Path, *, crew: Crew = ALONE) -> Iterator[Path]:
     """Write the recordings of a plan that do not exist yet, and yield the path of each when it is complete.
 
     Raises:
@@ -90,7 +91,8 @@ def simulate_dataset(plan: DatasetPlan, out: Path, *, workers: int = 1) -> Itera
     complete = {seed for seed in plan.seeds if plan.is_complete(out, seed)}
     yield from (plan.recording(out, seed) for seed in sorted(complete))
     missing = [seed for seed in plan.seeds if seed not in complete]
-    yield from finished(partial(write_recording, plan, out), missing, workers)
+    name = partial(plan.recording, out)
+    yield from finished(partial(write_recording, plan, out), missing, crew=crew, shared=out, name=name)
 
 
 def write_recording(plan: DatasetPlan, out: Path, seed: int) -> Path:

@@ -14,11 +14,12 @@ from math import inf
 from pathlib import Path
 
 from evimo.errors import BadInput
+from evimo.jobs.crew import ALONE, Crew
+from evimo.jobs.finishing import finished
 from evimo.simulate.dataset import DatasetPlan, write_recording
 from evimo.simulate.film import check_device
 from evimo.simulate.own_folders import OWN, OwnFolders
 from evimo.simulate.plan import SLICE_S, RecordingPlan, camera_of
-from evimo.simulate.workers import finished
 from evimo.writing import save_text
 
 MINUTES = 32.0
@@ -134,7 +135,7 @@ class ReplicaPlan:
         return {**plan, "sequences": [asdict(sequence) for sequence in self.sequences]}
 
 
-def simulate_replica(plan: ReplicaPlan, out: Path, *, workers: int = 1) -> Iterator[Sequence]:
+def simulate_replica(plan: ReplicaPlan, out: Path, *, crew: Crew = ALONE) -> Iterator[Sequence]:
     """Write the index and the sequences that do not exist yet; yield each sequence when it is complete.
 
     Raises:
@@ -147,7 +148,8 @@ def simulate_replica(plan: ReplicaPlan, out: Path, *, workers: int = 1) -> Itera
     complete = [sequence for sequence in plan.sequences if (out / sequence.path).exists()]
     yield from complete
     missing = [sequence for sequence in plan.sequences if sequence not in complete]
-    yield from finished(partial(_write_sequence, plan, out), missing, workers)
+    work = partial(_write_sequence, plan, out)
+    yield from finished(work, missing, crew=crew, shared=out, name=lambda sequence: out / sequence.path)
 
 
 def _write_sequence(plan: ReplicaPlan, out: Path, sequence: Sequence) -> Sequence:

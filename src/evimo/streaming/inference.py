@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
+from evimo.jobs.crew import cores
 
 F4 = NDArray[np.float32]
 
@@ -94,8 +95,8 @@ def presets() -> dict[str, Path]:
 
 
 def workers_here(wanted: int | None) -> int:
-    """How many slices may run side by side: as wanted, or one per core, at most four."""
-    return wanted or min(MOST_WORKERS, os.cpu_count() or 1)
+    """How many slices may run side by side: as wanted, or one per core of this process, at most four."""
+    return wanted or min(MOST_WORKERS, cores())
 
 
 class Network:

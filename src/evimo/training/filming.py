@@ -2,7 +2,8 @@
 
 import os
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -10,8 +11,8 @@ from multiprocessing.process import BaseProcess
 import numba
 
 from evimo.errors import EvimoError
+from evimo.jobs.lifeline import hang_on
 from evimo.recordings.prepared import Prepared
-from evimo.simulate.lifeline import hang_on
 from evimo.training.data import Samples, samples_of
 from evimo.training.film_plan import FilmPlan
 from evimo.training.sources import Choices, Source
@@ -93,7 +94,7 @@ class _Studio:
 def _film(plan: FilmPlan, places: Sequence[int], step: int, lines: tuple[Connection, Connection], crew: int) -> None:
     """Film until nobody listens any more to the first line, or the other end of the second is closed."""
     line, life = lines
-    hang_on(life)
+    hang_on(partial(_until_closed, life))
     numba.set_num_threads(max(1, numba.get_num_threads() // crew))
     if plan.device == "cuda":
         from evimo.scene.rays.on_device import cuda
@@ -104,3 +105,8 @@ def _film(plan: FilmPlan, places: Sequence[int], step: int, lines: tuple[Connect
             line.send((place, generation, plan.recording(place, generation)))
     except BrokenPipeError:
         return
+
+
+def _until_closed(line: Connection) -> None:
+    with suppress(EOFError, OSError):
+        line.recv_bytes()

@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 
 from evimo.errors import BadFile, BadInput
+from evimo.jobs.crew import Crew
 from evimo.model.checkpoint import load_model
 from evimo.model.motion_net import MotionNet
 from evimo.model.presets import PRESETS
@@ -17,7 +18,6 @@ from evimo.model.widening import widened
 from evimo.recordings.prepared import EVENT_NAMES, NAMES, Prepared, open_prepared, prepare, recording_folders
 from evimo.simulate.film import check_device
 from evimo.simulate.plan import check_population
-from evimo.simulate.workers import check_workers
 from evimo.training.config import TrainConfig
 from evimo.training.data import Samples, samples_of
 from evimo.training.devices import joined_team, training_device
@@ -107,7 +107,7 @@ def check_data(data: list[Path], config: TrainConfig) -> None:
 
 def _films(config: TrainConfig, workplace: Workplace) -> AbstractContextManager[Source]:
     check_device(workplace.device)
-    check_workers(workplace.workers)
+    Crew(workers=workplace.workers).check()
     plan = FilmPlan(
         populations=config.simulate,
         batch=config.batch,

@@ -4,9 +4,8 @@ import _thread
 import os
 import signal
 import threading
-from collections.abc import Generator
-from contextlib import contextmanager, suppress
-from multiprocessing.connection import Connection
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
@@ -20,16 +19,22 @@ class Ended(SystemExit):
     """The process has to end: raised in the middle of its work, so that what is unfinished is removed."""
 
 
-def hang_on(line: Connection) -> None:
-    """Make this process end soon after the other end of `line` is closed, or on SIGTERM.
+def hang_on(wait: Callable[[], object]) -> None:
+    """Make this process end soon after `wait` returns, or on SIGTERM.
 
-    The other end must be held by the parent alone: its death closes it, too. Other signals are the parent's to hear.
+    `wait` is called in a thread and must return when the parent is gone, as reading from a pipe does whose other end
+    the parent alone holds. Other signals are the parent's to hear.
     """
     for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end)
-    threading.Thread(target=_wait, args=(line,), daemon=True).start()
+    end_after(wait)
+
+
+def end_after(wait: Callable[[], object]) -> None:
+    """Make this process, which hangs on already, end soon after this returns, too."""
+    threading.Thread(target=_wait, args=(wait,), daemon=True).start()
 
 
 @contextmanager
@@ -46,9 +51,8 @@ def at_work() -> Generator[None]:
             os._exit(0)
 
 
-def _wait(line: Connection) -> NoReturn:
-    with suppress(EOFError, OSError):
-        line.recv_bytes()
+def _wait(wait: Callable[[], object]) -> NoReturn:
+    wait()
     _ending.set()
     if _at_work.is_set():
         _thread.interrupt_main(signal.SIGTERM)
