@@ -22,7 +22,7 @@ ROWS = [
     "recordings",
     "scene model losses classical predictions",
     "captures",
-    "annotate simulate evaluation viewing",
+    "annotate calibrating simulate evaluation viewing",
     "training streaming",
     "benchmark",
     "cli",
@@ -31,12 +31,12 @@ HEIGHT = {room: height for height, row in enumerate(ROWS) for room in row.split(
 
 # These come with an extra: imported only inside the function that needs them, except in rooms that nobody enters
 # without the extra.
-SIMULATING = ["scipy", "skimage", "trimesh"]
+SIMULATING = ["scipy", "skimage", "trimesh", "small_gicp"]
 EXTRAS = [
     *(*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun", "distributed"),
     *("matplotlib", "jinja2"),
 ]
-ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "captures", "annotate", "simulate"}
+ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "captures", "annotate", "calibrating", "simulate"}
 TRAINING_MODULES = {f"evimo.geometry.{name}" for name in ("grids", "motion_field", "poses", "warping")}
 
 

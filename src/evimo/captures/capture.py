@@ -143,8 +143,8 @@ class Capture:
             )
         return camera
 
-    def tracks(self) -> dict[str, MocapTrack]:
-        """Where each body of the capture was, by its name, in the clock of the events.
+    def tracks(self, *others: str) -> dict[str, MocapTrack]:
+        """Where each body of the capture was, and others that are named, in the clock of the events.
 
         Raises:
             NotFound, BadFile: a file is missing or damaged, or no file has one of the bodies.
@@ -152,7 +152,7 @@ class Capture:
         found: dict[str, MocapTrack] = {}
         for path in self.mocap:
             found |= load_tracks(path, in_clock_of=self._clock(path))
-        wanted = [self.camera.body, *(each.body for each in self.objects)]
+        wanted = [self.camera.body, *(each.body for each in self.objects), *others]
         for body in wanted:
             if body not in found:
                 raise NotFound(f"{self.path}: no body {body!r} in its motion capture", fix=f"one of {', '.join(found)}")

@@ -28,6 +28,9 @@ COMMANDS = {
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",
     "benchmark": "Repeat the paper's experiments, and write their tables and a page.",
+    "locate-markers": "Find the markers of motion capture in scans.",
+    "calibrate": "Find where a camera sits on its tracked rig, its lens and its clock.",
+    "align-room": "Put fragments of a scanned room together.",
     "realism": "Compare simulated events with real ones.",
 }
 
@@ -37,7 +40,8 @@ def app(wanted: str = "") -> App:
     about = "Moving objects, depth and motion from an event camera."
     parser = App(name="evimo", help=about, version=_version, suppress_keyboard_interrupt=False)
     for name, summary in COMMANDS.items():
-        parser.command(f"evimo.cli.{name}:{name}", name=name, help=None if name == wanted else summary)
+        function = name.replace("-", "_")
+        parser.command(f"evimo.cli.{function}:{function}", name=name, help=None if name == wanted else summary)
     return parser
 
 
