@@ -19,7 +19,7 @@ from evimo.errors import BadInput, EvimoWarning
 COMMANDS = {
     "run": "Find moving objects, depth and motion in a recording.",
     "info": "Say what is in a recording.",
-    "view": "Show a recording as a video, with its truth where that is known.",
+    "view": "Look at a recording or a run: in a window, a browser or a video.",
     "simulate": "Make recordings with exact truth.",
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def command() -> object:
         with _warnings_in_one_line(), announced(_say):
             function, bound, _ = _parsed(arguments)
-            out.append(bound.arguments.get("out"))
+            out.append(bound.arguments.get("out") or bound.arguments.get("save"))
             return function(*bound.args, **bound.kwargs)
 
     return outcome(command, place=lambda: out[0] if out else None)

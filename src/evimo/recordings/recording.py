@@ -13,11 +13,13 @@ from evimo.formats.npz_members import Archive
 from evimo.geometry.camera import Camera
 from evimo.recordings.facts import DAMAGED, FACTS, facts_of
 from evimo.recordings.imu import Imu
+from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.stored_parts import ArchiveParts, Arrays, FolderParts, StoredParts
 from evimo.recordings.truth import ObjectTruth, Truth
 
 TRUTH_FILES = ("dataset_sim.npz", "dataset_clutter.npz")  # only our own folders have them
 MOTIONS = ("times_us", "ego", "object_ids", "positions", "velocities", "rotations")
+TRAJECTORY = ("trajectory_us", "trajectory_world_from_cam", "trajectory_cam_from_object")
 
 
 class Recording:
@@ -74,6 +76,24 @@ class Recording:
         if any(values.shape != ((rows,) if name == "t_us" else (rows, 3)) for name, values in arrays.items()):
             raise BadFile(f"IMU arrays of {self.path} do not fit together", fix=DAMAGED)
         return Imu(**arrays)
+
+    @cached_property
+    def poses(self) -> PoseTrack | None:
+        """Where the camera and the objects are, at 200 Hz; None where the recording has no poses.
+
+        Raises:
+            BadFile: they do not fit together.
+        """
+        try:
+            arrays = self._parts.motions(("object_ids", *TRAJECTORY))
+        except BadFile:
+            return None
+        times_us, world_from_cam, placed = (arrays[name] for name in TRAJECTORY)
+        ids = arrays["object_ids"]
+        if world_from_cam.shape != (len(times_us), 4, 4) or placed.shape[::2] != (len(times_us), 4) or placed.ndim != 4:
+            raise BadFile(f"poses of {self.path} do not fit together", fix=DAMAGED)
+        # A scene may have movers that its truth never shows: they have poses, and no number here.
+        return PoseTrack(times_us.astype(np.int64), world_from_cam, ids, placed[:, ids.astype(np.intp) - 1])
 
     def truth(self, k: int) -> Truth:
         """Everything about the instant times_us[k].
