@@ -97,7 +97,7 @@ def _write(part: Part, file: Path, *, fix: str) -> int:
     from evimo.viewing.window.store import new_store
 
     subject, span = _prepared(part)
-    done = 0
+    done, shown_us = 0, (span.first * SLICE_US, span.last * SLICE_US)
     with new_store(file, name=subject.name, fix=fix) as store:
         slices = _slices(subject, span)
         with (
@@ -105,7 +105,7 @@ def _write(part: Part, file: Path, *, fix: str) -> int:
             progress(len(span)) as advance,
             closing(slices),
         ):
-            for _ in fill(store, subject, slices, speed=part.speed):
+            for _ in fill(store, subject, slices, shown_us=shown_us, speed=part.speed):
                 done += 1
                 advance()
                 if request:

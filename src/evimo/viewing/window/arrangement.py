@@ -54,17 +54,19 @@ def _pictures(rrb: Any, content: Content) -> list[Any]:
     if content.estimates:
         views.append(("Estimate: objects", [EVENTS, IDS]))
     if content.truth:
-        views.append(("Truth: depth", [TRUE_DEPTH]))
+        views.append(("Truth: depth", [f"{TRUE_DEPTH}/**"]))
     if content.estimates:
-        views.append(("Estimate: depth", [DEPTH]))
+        views.append(("Estimate: depth", [f"{DEPTH}/**"]))
     if not views:
         views.append(("Events", [EVENTS]))
-    return [rrb.Spatial2DView(origin=IMAGE, contents=entities, name=name) for name, entities in views]
+    return [
+        rrb.Spatial2DView(origin=IMAGE, contents=entities, name=name, background=BACKGROUND) for name, entities in views
+    ]
 
 
 def _scene(rrb: Any) -> Any:
     """The world; maps of depth stay out of it, since Rerun lifts them without the lens: points are lifted with it."""
-    contents = [f"+ {WORLD}/**", f"- {TRUE_DEPTH}", f"- {DEPTH}"]
+    contents = [f"+ {WORLD}/**", f"- {TRUE_DEPTH}/**", f"- {DEPTH}/**"]
     whole = rrb.VisibleTimeRange(TIME, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())
     return rrb.Spatial3DView(
         origin=WORLD,

@@ -10,6 +10,8 @@ OBJECTS = f"{WORLD}/objects"
 EVENTS = f"{IMAGE}/events"
 TRUE_IDS, TRUE_DEPTH = f"{IMAGE}/truth/objects", f"{IMAGE}/truth/depth"
 IDS, DEPTH = f"{IMAGE}/estimate/objects", f"{IMAGE}/estimate/depth"
+UNKNOWN = "unknown"
+"""Below a map of depths: where it says nothing."""
 
 TRUE_POINTS, TRUE_VELOCITIES = f"{CAMERA}/truth/points", f"{CAMERA}/truth/velocities"
 POINTS, VELOCITIES = f"{CAMERA}/estimate/points", f"{CAMERA}/estimate/velocities"

@@ -11,14 +11,16 @@ from evimo.viewing.window.clouds import Lifter
 from evimo.viewing.window.entities import DEPTH, ESTIMATE, IDS, POINTS, VELOCITIES
 from evimo.viewing.window.motions import (
     Arrow,
+    Depths,
     ObjectCurves,
     arrows_of,
-    depth_image,
     ids_image,
     log_curves,
+    log_depth,
     log_id_colours,
     points_of,
     start_curves,
+    start_depth,
 )
 from evimo.viewing.window.store import Store
 
@@ -40,6 +42,7 @@ class EstimateLayer:
     def start(self, store: Store) -> None:
         """Log what holds at all times: the colours, and the names of curves."""
         log_id_colours(store, IDS)
+        start_depth(store, DEPTH)
         start_curves(store, ESTIMATE, unit=self._unit, faded=self._metric)
 
     def draw(self, store: Store, estimate: Prediction, *, t_us: int, truth: Truth | None) -> None:
@@ -48,12 +51,12 @@ class EstimateLayer:
         scale = self._scale(estimate, truth)
         if depth is None or ids is None or scale is None:
             for entity in (IDS, DEPTH, POINTS, VELOCITIES):
-                store.log(entity, store.rr.Clear(recursive=False), t_us=t_us)
+                store.log(entity, store.rr.Clear(recursive=True), t_us=t_us)
             return
         known = np.ones(ids.shape, np.bool_) if estimate.valid is None else estimate.valid
         metres = depth.astype(np.float32) * np.float32(scale)
         store.log(IDS, ids_image(store, ids), t_us=t_us)
-        store.log(DEPTH, depth_image(store, metres, known, bounds=self._bounds), t_us=t_us)
+        log_depth(store, DEPTH, Depths(metres, known, self._bounds), t_us=t_us)
         cloud = self._lifter.cloud(metres, known)
         store.log(POINTS, points_of(store, cloud, ids, bounds=self._bounds, faded=self._metric), t_us=t_us)
         arrows = self._arrows(estimate, ids, metres, scale)

@@ -27,16 +27,19 @@ class Layers(NamedTuple):
     estimates: EstimateLayer | None
 
 
-def fill(store: Store, subject: Subject, slices: Iterable[Slice], *, speed: float) -> Iterator[Slice]:
+def fill(
+    store: Store, subject: Subject, slices: Iterable[Slice], *, shown_us: tuple[int, int], speed: float
+) -> Iterator[Slice]:
     """Log a subject, and yield each slice after it was logged.
 
     Args:
         store: to fill.
         subject: what there is.
         slices: that are shown, in order; without events where there are none.
+        shown_us: from when until when; ways are drawn as far.
         speed: at which the window plays, 1 being real time.
     """
-    layers = _started(store, subject, speed=speed)
+    layers = _started(store, subject, shown_us=shown_us, speed=speed)
     for part in slices:
         if layers.events is not None:
             layers.events.draw(store, part)
@@ -58,13 +61,15 @@ def truth_of(recording: Recording, part: Slice) -> Truth | None:
     return recording.truth(nearest) if away_us <= SLICE_US // 2 else None
 
 
-def _started(store: Store, subject: Subject, *, speed: float) -> Layers:
+def _started(store: Store, subject: Subject, *, shown_us: tuple[int, int], speed: float) -> Layers:
     """The layers, and all logged that holds at all times."""
     recording, camera = subject.recording, subject.camera
     estimates = subject.estimates is not None and camera is not None
     content = Content(events=subject.events is not None, truth=recording is not None, estimates=estimates, speed=speed)
     store.arrange(arrangement(content))
     track = None if recording is None else recording.poses
+    if track is not None:
+        track = track.part(*np.searchsorted(track.times_us, shown_us).tolist())
     if camera is not None:
         log_camera(store, camera)
     if track is not None:

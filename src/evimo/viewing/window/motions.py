@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.viewing.colours import MUTED, RGB, depth_index, depth_table, id_colour, id_table
+from evimo.viewing.colours import MUTED, RGB, RULE, X_AXIS, depth_index, depth_table, id_colour, id_table
 from evimo.viewing.window.clouds import Cloud
-from evimo.viewing.window.entities import OBJECT_SPEEDS, ROTATION, TRANSLATION
+from evimo.viewing.window.entities import OBJECT_SPEEDS, ROTATION, TRANSLATION, UNKNOWN
 from evimo.viewing.window.store import Store
 
 ARROW_S = 0.25  # arrows are as long as the way in this time
@@ -19,6 +19,19 @@ IDS_LISTED = 32  # that have names and colours; more than any recording has
 MASK_OPACITY = 0.5
 FADED = 0.55
 """How bright the colours of estimates are beside those of truth."""
+
+
+@dataclass(frozen=True, slots=True)
+class Depths:
+    """A map of depths along the optical axis, (H, W).
+
+    known:  (H, W) bool.
+    bounds: nearest and farthest depth that colours tell apart, in the unit of the map.
+    """
+
+    values: NDArray[np.floating]
+    known: NDArray[np.bool_]
+    bounds: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,16 +60,24 @@ def ids_image(store: Store, ids: NDArray[np.integer]) -> Any:
     return store.rr.SegmentationImage(ids.astype(np.uint8), opacity=MASK_OPACITY)
 
 
-def depth_image(
-    store: Store, depth: NDArray[np.floating], known: NDArray[np.bool_], *, bounds: tuple[float, float]
-) -> Any:
-    """A map of depths in thousandths, 0 where it is not known, as PNG; near is bright between the bounds."""
-    thousandths = np.where(known & np.isfinite(depth), depth * 1000, 0).clip(0, 65535).astype(np.uint16)
+def start_depth(store: Store, entity: str) -> None:
+    """Log what holds at all times of a map of depths: the colour of what is not known."""
+    classes = [store.rr.AnnotationInfo(0, "known", (0, 0, 0, 0)), store.rr.AnnotationInfo(1, "unknown", RULE)]
+    store.log_always(f"{entity}/{UNKNOWN}", store.rr.AnnotationContext(classes))
+
+
+def log_depth(store: Store, entity: str, depth: Depths, *, t_us: int) -> None:
+    """Log a map of depths in thousandths, as PNG: near is bright; what is not known is 0, and grey."""
+    known = depth.known & np.isfinite(depth.values)
+    thousandths = np.where(known, depth.values * 1000, 0).clip(0, 65535).astype(np.uint16)
     _, png = cv2.imencode(".png", thousandths, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    low, high = (round(1000 * bound) for bound in bounds)
-    return store.rr.EncodedDepthImage(
-        blob=png.tobytes(), media_type="image/png", meter=1000.0, depth_range=(low, high), colormap="viridis"
+    near, far = (round(1000 * bound) for bound in depth.bounds)
+    image = store.rr.EncodedDepthImage(
+        blob=png.tobytes(), media_type="image/png", meter=1000.0, depth_range=(far, near), colormap="viridis"
     )
+    store.log(entity, image, t_us=t_us)
+    unknown = store.rr.SegmentationImage((~known).astype(np.uint8), opacity=1.0)
+    store.log(f"{entity}/{UNKNOWN}", unknown, t_us=t_us)
 
 
 def points_of(
@@ -84,7 +105,7 @@ def arrows_of(store: Store, arrows: Sequence[Arrow], *, unit: str, faded: bool =
 
 def start_curves(store: Store, whose: str, *, unit: str, faded: bool = False) -> None:
     """Log the names and colours of the curves of the camera's motion."""
-    colour, width = _colour(MUTED if faded else (255, 255, 255), faded=False), 1.2 if faded else 2.2
+    colour, width = (MUTED, 1.2) if faded else (X_AXIS, 2.2)
     for plot, of in ((TRANSLATION, unit), (ROTATION, "degrees/s")):
         line = store.rr.SeriesLines(colors=[colour], widths=[width], names=[f"{whose}, {of}"])
         store.log_always(f"{plot}/{whose}", line)

@@ -54,7 +54,8 @@ class Result:
             return None
         try:
             fields: dict[str, Any] = {name: stored[name] for name in Camera.__dataclass_fields__}
-            return Camera(**fields | {"distortion": tuple(fields["distortion"])})
+            fields["distortion"] = tuple(fields["distortion"])
+            return Camera(**fields)
         except (KeyError, TypeError, EvimoError) as error:
             raise BadFile(f"{self.folder / SUMMARY} tells of no camera", fix="run it again") from error
 

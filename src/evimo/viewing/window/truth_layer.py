@@ -10,14 +10,16 @@ from evimo.viewing.window.clouds import Lifter, moved
 from evimo.viewing.window.entities import ROOM, TRUE_DEPTH, TRUE_IDS, TRUE_POINTS, TRUE_VELOCITIES, TRUTH
 from evimo.viewing.window.motions import (
     Arrow,
+    Depths,
     ObjectCurves,
     arrows_of,
-    depth_image,
     ids_image,
     log_curves,
+    log_depth,
     log_id_colours,
     points_of,
     start_curves,
+    start_depth,
 )
 from evimo.viewing.window.store import Store
 
@@ -42,13 +44,14 @@ class TruthLayer:
     def start(self, store: Store) -> None:
         """Log what holds at all times: the colours, and the names of curves."""
         log_id_colours(store, TRUE_IDS)
+        start_depth(store, TRUE_DEPTH)
         start_curves(store, TRUTH, unit="m/s")
 
     def draw(self, store: Store, truth: Truth) -> None:
         """Log one instant."""
         t_us, ids, known = truth.t_us, truth.ids, truth.valid
         store.log(TRUE_IDS, ids_image(store, ids), t_us=t_us)
-        store.log(TRUE_DEPTH, depth_image(store, truth.depth, known, bounds=self._bounds), t_us=t_us)
+        log_depth(store, TRUE_DEPTH, Depths(truth.depth, known, self._bounds), t_us=t_us)
         cloud = self._lifter.cloud(truth.depth, known)
         store.log(TRUE_POINTS, points_of(store, cloud, ids, bounds=self._bounds), t_us=t_us)
         arrows = [Arrow(key, one.position, one.velocity) for key, one in truth.objects.items() if (ids == key).any()]

@@ -13,9 +13,9 @@ from pathlib import Path
 from urllib.parse import quote
 
 from evimo.errors import BadInput, MissingExtra
+from evimo.viewing.window.closed_page import HOST, closed_page, free_port
 from evimo.viewing.window.store import installed_rerun
 
-HOST = "127.0.0.1"
 STARTS_S = 60.0  # within which the page must be there; a loaded machine takes its time
 ENDS_S = 5.0
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
@@ -45,7 +45,7 @@ def window(path: Path) -> Generator[subprocess.Popen[bytes]]:
         BadInput: there is no screen. MissingExtra: Rerun is not installed.
     """
     check_display()
-    with _started([str(path), "--bind", HOST, "--port", str(_free_port()), "--hide-welcome-screen"]) as viewer:
+    with _started([str(path), "--bind", HOST, "--port", str(free_port()), "--hide-welcome-screen"]) as viewer:
         yield viewer
 
 
@@ -56,11 +56,12 @@ def page(path: Path) -> Generator[tuple[subprocess.Popen[bytes], str]]:
     Raises:
         BadInput: it did not start. MissingExtra: Rerun is not installed.
     """
-    port, page_port = _free_port(), _free_port()
-    ports = ["--port", str(port), "--web-viewer-port", str(page_port)]
+    port, inner = free_port(), free_port()
+    ports = ["--port", str(port), "--web-viewer-port", str(inner)]
     with _started([str(path), "--serve-web", "--bind", HOST, *ports, "--server-memory-limit", "75%"]) as server:
-        _wait(server, page_port)
-        yield server, f"http://{HOST}:{page_port}/?url={quote(f'rerun+http://{HOST}:{port}/proxy', safe='')}"
+        _wait(server, inner)
+        with closed_page(inner) as outer:
+            yield server, f"http://{HOST}:{outer}/?url={quote(f'rerun+http://{HOST}:{port}/proxy', safe='')}"
 
 
 @contextmanager
@@ -103,9 +104,3 @@ def _wait(server: subprocess.Popen[bytes], port: int) -> None:
         except OSError:
             time.sleep(0.05)
     raise BadInput("Rerun's server did not start", fix="--save FILE.rrd, and `rerun FILE.rrd`")
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
-        return int(probe.getsockname()[1])
