@@ -10,7 +10,7 @@ from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.recording import Recording
 from evimo.recordings.truth import Truth
 from evimo.viewing.truth_panels import depth_bounds
-from evimo.viewing.window.arrangement import Content, arrangement
+from evimo.viewing.window.arrangement import Content, arrangement, eye_behind
 from evimo.viewing.window.estimate_layer import EstimateLayer
 from evimo.viewing.window.event_layer import EventLayer
 from evimo.viewing.window.pose_layer import log_camera, log_camera_world, log_poses
@@ -65,11 +65,17 @@ def _started(store: Store, subject: Subject, *, shown_us: tuple[int, int], speed
     """The layers, and all logged that holds at all times."""
     recording, camera = subject.recording, subject.camera
     estimates = subject.estimates is not None and camera is not None
-    content = Content(events=subject.events is not None, truth=recording is not None, estimates=estimates, speed=speed)
-    store.arrange(arrangement(content))
     track = None if recording is None else recording.poses
     if track is not None:
         track = track.part(*np.searchsorted(track.times_us, shown_us).tolist())
+    content = Content(
+        events=subject.events is not None,
+        truth=recording is not None,
+        estimates=estimates,
+        speed=speed,
+        eye=None if track is None else eye_behind(track),
+    )
+    store.arrange(arrangement(content))
     if camera is not None:
         log_camera(store, camera)
     if track is not None:
