@@ -21,6 +21,7 @@ ROWS = [
     "formats",
     "recordings",
     "scene model losses classical predictions",
+    "captures",
     "annotate simulate evaluation viewing",
     "training streaming",
     "cli",
@@ -31,7 +32,7 @@ HEIGHT = {room: height for height, row in enumerate(ROWS) for room in row.split(
 # without the extra.
 SIMULATING = ["scipy", "skimage", "trimesh"]
 EXTRAS = [*SIMULATING, "torch", "safetensors", "jaxtyping", "onnx", "onnxscript", "hdf5plugin", "rerun"]
-ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "simulate"}
+ROOMS_OF_EXTRAS = {"model", "losses", "training", "scene", "captures", "annotate", "simulate"}
 TRAINING_MODULES = {f"evimo.geometry.{name}" for name in ("grids", "motion_field", "poses", "warping")}
 
 

@@ -21,6 +21,7 @@ COMMANDS = {
     "info": "Say what is in a recording.",
     "view": "Look at a recording or a run: in a window, a browser or a video.",
     "simulate": "Make recordings with exact truth.",
+    "annotate": "Make the truth of a capture from motion capture and scans.",
     "train": "Train a model on recordings with truth.",
     "evaluate": "Score a model on recordings with truth.",
     "realism": "Compare simulated events with real ones.",

@@ -16,7 +16,8 @@ class PoseTrack:
     times_us:        (M,) int64.
     world_from_cam:  (M, 4, 4).
     object_ids:      (K,) uint8.
-    cam_from_object: (M, K, 4, 4); an object's origin is the `position` of its truth.
+    cam_from_object: (M, K, 4, 4); an object's origin is the `position` of its truth. Those of an object that motion
+                     capture has lost hold NaN.
     """
 
     times_us: NDArray[np.int64]
@@ -35,4 +36,4 @@ class PoseTrack:
 
 
 PoseSource = Callable[[NDArray[np.int64]], PoseTrack]
-"""Poses at any times in µs."""
+"""Poses at any times in µs; without the instants at which the camera is lost."""

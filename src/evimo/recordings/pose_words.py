@@ -62,15 +62,16 @@ def listed(
 
 
 def _entries(track: PoseTrack) -> list[dict[str, Any]]:
-    """Time, camera and objects of each instant: `ts`, `cam`, and each object under its number."""
+    """Time, camera and objects of each instant: `ts`, `cam`, and each object under its number while it is tracked."""
     names = ["cam", *map(str, track.object_ids.tolist())]
     poses = np.concatenate((track.world_from_cam[:, None], track.cam_from_object), axis=1)
-    words = _words(poses.reshape(-1, 4, 4))
+    known = np.asarray(np.isfinite(poses).all(axis=(2, 3)), np.bool_)
+    words = _words(np.where(known[..., None, None], poses, np.eye(4)).reshape(-1, 4, 4))
     entries: list[dict[str, Any]] = []
     for k, t_us in enumerate(track.times_us.tolist()):
         time_s = round(t_us * 1e-6, 6)
-        mine = words[k * len(names) : (k + 1) * len(names)]
-        bodies = {name: {"pos": pose, "ts": time_s} for name, pose in zip(names, mine, strict=True)}
+        mine = zip(names, words[k * len(names) : (k + 1) * len(names)], known[k], strict=True)
+        bodies = {name: {"pos": pose, "ts": time_s} for name, pose, tracked in mine if tracked}
         entries.append({"ts": time_s, **bodies})
     return entries
 

@@ -25,6 +25,7 @@ from evimo.recordings.stored import (
     exact_motions,
     exact_poses,
     save_arrays,
+    save_maps,
     stored_maps,
     tracks,
     without_maps,
@@ -136,7 +137,7 @@ class RecordingWriter:
         self._arrays["xy"].write(np.stack((events.x, events.y), axis=1).astype("<u2").tobytes())
         self._arrays["p"].write((events.p > 0).astype("|u1").tobytes())
         for name, values in stored_maps(truth, clutter_bodies).items():
-            save_arrays(self._maps[name], {f"{name}_{len(self.truths):010d}": values})
+            save_maps(self._maps[name], {f"{name}_{len(self.truths):010d}": values})
         self.truths.append(without_maps(truth))
 
     def _begun(self, name: str) -> BinaryIO:

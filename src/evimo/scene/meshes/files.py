@@ -51,7 +51,7 @@ def read_mesh(file: Path) -> Triangles:
     Raises:
         BadFile: as `load_meshes` says.
     """
-    vertices, triangles = _as_stored(file)
+    vertices, triangles = stored_shape(file)
     if flaw := _flaw(vertices, triangles):
         raise BadFile(f"{file} has {flaw}", fix=FIX)
     try:
@@ -79,7 +79,12 @@ def _flaw(vertices: F8, triangles: I8) -> str:
     return ""
 
 
-def _as_stored(file: Path) -> Triangles:
+def stored_shape(file: Path) -> Triangles:
+    """Vertices (V, 3) and triangles (T, 3) of one file as they are stored; T is 0 where it holds points alone.
+
+    Raises:
+        BadFile: it is none of its format.
+    """
     import trimesh  # takes a second
 
     content, kind = content_of(file), file.suffix[1:].lower()

@@ -1,0 +1,99 @@
+"""A camera's lens as arrays for the kernels: the ray of every pixel, and how large things become in the image."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.geometry.camera import Camera
+
+F8 = NDArray[np.float64]
+
+SEGMENT_PX = 8.0  # of a straight line in space, whose image is looked at
+SAFETY = 1.5
+
+
+class LensTables(NamedTuple):
+    """What the kernels know of a camera.
+
+    numbers:   fx fy cx cy, then k1 k2 k3 p1 p2 (radtan) or k1 k2 k3 k4 0 (fisheye).
+    singles:   the same in single precision.
+    fisheye:   which of the two.
+    rays:      (H, W, 2) of each pixel on Z = 1; nan where the lens has none.
+    bounds:    (4) least and greatest x and y of them.
+    farthest2: square of the radius on Z = 1 beyond which nothing is in the image.
+    stretch:   greatest ratio of sizes in the image to the distance from the middle, both against a pinhole.
+    bulge:     how far the image of a straight line of length L px leaves its chord, over L², 1/px.
+    columns:   (2, W) least and greatest x in each column. rows: (2, H) of y in each row.
+    """
+
+    numbers: F8
+    singles: tuple[np.float32, ...]
+    fisheye: bool
+    rays: F8
+    bounds: F8
+    farthest2: float
+    stretch: float
+    bulge: float
+    columns: F8
+    rows: F8
+
+
+def lens_tables(camera: Camera) -> LensTables:
+    """The tables of a camera."""
+    straight, known = camera.normalised(camera.pixels())
+    rays = np.where(known[..., None], straight, np.nan)
+    x, y = rays[..., 0], rays[..., 1]
+    bounds = np.array([np.nanmin(x), np.nanmax(x), np.nanmin(y), np.nanmax(y)])
+    farthest = float(np.sqrt(np.nanmax(x * x + y * y))) + 2 / min(camera.fx, camera.fy)
+    k = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)
+    order = (0, 1, 2, 3) if camera.lens == "fisheye" else (0, 1, 4, 2, 3)
+    numbers = np.array([camera.fx, camera.fy, camera.cx, camera.cy, *(k[at] for at in order), 0.0][:9])
+    return LensTables(
+        numbers,
+        tuple(numbers.astype(np.float32)),
+        camera.lens == "fisheye",
+        rays,
+        bounds,
+        farthest**2,
+        _stretch(camera, rays),
+        _bulge(camera, rays),
+        np.stack((_least(x, 0), -_least(-x, 0))),
+        np.stack((_least(y, 1), -_least(-y, 1))),
+    )
+
+
+def _least(values: F8, axis: int) -> F8:
+    """The least number along an axis; infinite where there is none."""
+    return np.where(np.isnan(values), np.inf, values).min(axis=axis)
+
+
+def _some(rays: F8) -> F8:
+    """Rays all over the image, (N, 2)."""
+    some = rays[::4, ::4].reshape(-1, 2)
+    return some[np.isfinite(some).all(axis=1)]
+
+
+def _stretch(camera: Camera, rays: F8) -> float:
+    at, step = _some(rays), 1e-4
+    centre = np.array((camera.cx, camera.cy))
+    size = np.array((camera.fx, camera.fy))
+    columns = [(camera.project(at + step * way) - camera.project(at - step * way)) / (2 * step) for way in np.eye(2)]
+    largest = np.linalg.norm(np.stack(columns, axis=-1) / size[:, None], ord=2, axis=(-2, -1))
+    radius = np.maximum(np.linalg.norm(at, axis=1), 1e-9)
+    bent = np.linalg.norm((camera.project(at) - centre) / size, axis=1)
+    ratio = np.where(radius > 1e-6, bent / radius, 1)
+    return float((largest / np.maximum(ratio, 1e-6)).max()) * 1.02
+
+
+def _bulge(camera: Camera, rays: F8) -> float:
+    at, worst = _some(rays), 0.0
+    for angle in np.arange(0, np.pi, np.pi / 8):
+        half = 0.5 * SEGMENT_PX / camera.fx * np.array((np.cos(angle), np.sin(angle)))
+        start, stop, middle = (camera.project(at + k * half) for k in (-1.0, 1.0, 0.0))
+        way = stop - start
+        length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
+        offset = middle - start
+        away = np.abs(way[:, 0] * offset[:, 1] - way[:, 1] * offset[:, 0]) / length
+        worst = max(worst, float((away / length**2).max()))
+    return SAFETY * worst + 1e-6

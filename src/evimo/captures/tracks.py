@@ -1,0 +1,110 @@
+"""What motion capture gives: where each body was, and where its markers were."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+F8 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MocapTrack:
+    """Where motion capture saw one body, about 200 times per second.
+
+    body:     its name.
+    times_us: (M,) int64, rising.
+    position: (M, 3) of its origin in the world, m.
+    turn:     (M, 3) rotation vectors of world_from_body, rad: an hour of matrices would take three times the memory.
+    tracked:  (M,) bool; where it is false, position and turn mean nothing.
+    """
+
+    body: str
+    times_us: NDArray[np.int64]
+    position: F8
+    turn: F8
+    tracked: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.times_us)
+
+    @property
+    def world_from_body(self) -> F8:
+        """The poses as matrices (M, 4, 4)."""
+        matrices = np.tile(np.eye(4), (len(self), 1, 1))
+        matrices[:, :3, :3] = Rotation.from_rotvec(self.turn).as_matrix()
+        matrices[:, :3, 3] = self.position
+        return matrices
+
+    def picked(self, index: NDArray[np.intp]) -> "MocapTrack":
+        """Some of the samples."""
+        return MocapTrack(self.body, self.times_us[index], self.position[index], self.turn[index], self.tracked[index])
+
+    def shifted(self, offset_us: int) -> "MocapTrack":
+        """The same in a clock that shows offset_us more."""
+        return replace(self, times_us=self.times_us + offset_us)
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerTracks:
+    """Where motion capture saw the markers of one body.
+
+    names:    (K) of the markers.
+    times_us: (M,) int64, rising.
+    position: (M, K, 3) in the world, m.
+    visible:  (M, K) bool; where it is false, the position means nothing.
+    """
+
+    body: str
+    names: tuple[str, ...]
+    times_us: NDArray[np.int64]
+    position: F8
+    visible: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.times_us)
+
+    def shifted(self, offset_us: int) -> "MarkerTracks":
+        """The same in a clock that shows offset_us more."""
+        return replace(self, times_us=self.times_us + offset_us)
+
+
+def track_of(body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray[np.bool_]) -> MocapTrack:
+    """The track of samples as they are stored: sorted, of equal times the first, in rotation vectors.
+
+    poses: (M, 7) x y z in m and quaternion x y z w. Samples that are not finite, or whose quaternion is of no length,
+        count as not tracked: many programs write zeros where they see nothing.
+    """
+    order, rows = np.unique(times_us, return_index=True)
+    poses, tracked = poses[rows], tracked[rows]
+    length = np.linalg.norm(poses[:, 3:], axis=1)
+    known = tracked & np.isfinite(poses).all(axis=1) & (np.abs(length - 1) < 0.01)
+    quaternion = np.where(known[:, None], poses[:, 3:], (0, 0, 0, 1))
+    position = np.where(known[:, None], poses[:, :3], 0)
+    return MocapTrack(body, order, position, Rotation.from_quat(quaternion).as_rotvec(), known)
+
+
+def markers_of(
+    body: str, times_us: NDArray[np.int64], samples: Iterable[tuple[int, str, tuple[float, float, float], bool]]
+) -> MarkerTracks:
+    """The tracks of markers given one by one.
+
+    Args:
+        body: whose they are.
+        times_us: of the instants, in any order.
+        samples: index of the instant, name, place in the world, and whether it was seen.
+    """
+    rows = list(samples)
+    names = tuple(dict.fromkeys(name for _, name, _, _ in rows))
+    column = {name: k for k, name in enumerate(names)}
+    order, place = np.unique(times_us, return_inverse=True)
+    position = np.zeros((len(order), len(names), 3))
+    visible = np.zeros(position.shape[:2], np.bool_)
+    if rows:
+        at = place[[index for index, *_ in rows]], np.array([column[name] for _, name, _, _ in rows])
+        where = np.array([spot for _, _, spot, _ in rows], np.float64)
+        seen = np.array([flag for *_, flag in rows], np.bool_) & np.isfinite(where).all(axis=1)
+        position[at], visible[at] = np.where(seen[:, None], where, 0), seen
+    return MarkerTracks(body, names, order, position, visible)

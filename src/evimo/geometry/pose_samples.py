@@ -1,0 +1,56 @@
+"""Which samples of a body's pose can be believed, and which follow from each other without a gap or a jump."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+F8 = NDArray[np.float64]
+I8 = NDArray[np.int64]
+
+BRIDGED_US = 50_000  # the longest gap that is bridged
+FASTEST_MPS, FASTEST_RADPS = 9.0, 2 * math.pi * 6.25  # nothing that a hand moves is faster
+BRIEF = 5  # so few samples between two jumps are bad; more are somewhere else
+NOT_RIGID = 1e-3  # of a rotation's columns against unit length and right angles
+
+
+def checked_samples(times_us: I8, poses: F8) -> NDArray[np.bool_]:
+    """Which samples (N,) are rigid motions, later than all before them, and do not jump there and back."""
+    good = _rigid(poses)
+    latest = np.maximum.accumulate(np.where(good, times_us, np.iinfo(np.int64).min))
+    good[1:] &= times_us[1:] > latest[:-1]
+    while True:
+        kept = np.flatnonzero(good)
+        jumps = _jumps(times_us[kept], poses[kept])
+        run = np.cumsum(np.append(0, jumps))[: len(kept)]
+        sizes = np.bincount(run, minlength=1)
+        # A short run counts as bad where a longer one is beside it, lest all of a short recording be bad.
+        longer = np.maximum(np.append(sizes[1:], 0), np.append(0, sizes[:-1]))
+        brief = np.asarray((sizes <= BRIEF) & (longer > sizes))
+        if not brief.any():
+            return good
+        good[kept[brief[run]]] = False
+
+
+def pieces_of(times_us: I8, poses: F8, bridged_us: int) -> I8:
+    """The number of the piece that each sample belongs to; a long gap or a jump begins a new one."""
+    broken = (np.diff(times_us) > bridged_us) | _jumps(times_us, poses)
+    return np.cumsum(np.append(0, broken))[: len(times_us)].astype(np.int64)
+
+
+def _rigid(poses: F8) -> NDArray[np.bool_]:
+    """Which matrices (N, 4, 4) are finite, and rotations beside a translation."""
+    finite = np.isfinite(poses).all(axis=(1, 2))
+    rotation = np.where(finite[:, None, None], poses[:, :3, :3], 0)
+    square = rotation @ np.swapaxes(rotation, 1, 2)
+    right = np.abs(square - np.eye(3)).max(axis=(1, 2), initial=0) < NOT_RIGID
+    return finite & right & (np.linalg.det(rotation) > 0)
+
+
+def _jumps(times_us: I8, poses: F8) -> NDArray[np.bool_]:
+    """Between which samples and their next ones a body would move faster than anything does: (N - 1,)."""
+    step_s = np.diff(times_us) * 1e-6
+    offset = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    trace = np.einsum("nij,nij->n", poses[1:, :3, :3], poses[:-1, :3, :3]) if len(poses) > 1 else np.zeros(0)
+    angle = np.arccos(np.clip((trace - 1) / 2, -1, 1))
+    return (offset > FASTEST_MPS * step_s) | (angle > FASTEST_RADPS * step_s)

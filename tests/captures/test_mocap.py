@@ -1,0 +1,116 @@
+"""Poses and markers as bags, TUM and CSV hold them, against what was written by other roads."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from evimo.captures.mocap import load_markers, load_tracks
+from evimo.errors import BadFile, NotFound
+
+
+def write_csv(path, poses):
+    lines = ["t_us,body,x,y,z,qx,qy,qz,qw"]
+    for body, (times_us, position, quaternion, tracked) in poses.items():
+        for k, t_us in enumerate(times_us.tolist()):
+            numbers = [*position[k], *quaternion[k]] if tracked[k] else [""] * 7
+            lines.append(",".join(map(str, [t_us, body, *numbers])))
+    path.write_text("\n".join(lines))
+    return path
+
+
+def write_tum(path, pose):
+    times_us, position, quaternion, tracked = pose
+    rows = (
+        f"{t_us / 1e6:.6f} " + " ".join(f"{value:.12f}" for value in [*place, *(turn * seen)])
+        for t_us, place, turn, seen in zip(times_us.tolist(), position, quaternion, tracked, strict=True)
+    )
+    path.write_text("# timestamp tx ty tz qx qy qz qw\n" + "\n".join(rows))
+    return path
+
+
+def check(track, pose):
+    times_us, position, quaternion, tracked = pose
+    np.testing.assert_array_equal(track.times_us, times_us)
+    np.testing.assert_array_equal(track.tracked, tracked)
+    matrices = track.world_from_body[tracked]
+    np.testing.assert_allclose(matrices[:, :3, 3], position[tracked], atol=1e-9)
+    axis = np.array([0.3, -0.5, 0.8])
+    x, y, z, w = quaternion[tracked].T
+    vector = np.stack((x, y, z), axis=1)  # q v q* written out
+    turned = axis + 2 * np.cross(vector, np.cross(vector, axis) + w[:, None] * axis)
+    np.testing.assert_allclose(matrices[:, :3, :3] @ axis, turned, atol=1e-9)
+
+
+def test_every_format_gives_the_poses_that_were_written(tmp_path, poses, vicon_bag):
+    for path in (vicon_bag(tmp_path / "all.bag", poses), write_csv(tmp_path / "all.csv", poses)):
+        tracks = load_tracks(path)
+        assert sorted(tracks) == sorted(poses)
+        for body, track in tracks.items():
+            assert track.body == body
+            check(track, poses[body])
+    track = load_tracks(write_tum(tmp_path / "Rig.txt", poses["Rig"]))["Rig"]
+    check(track, poses["Rig"])
+
+
+def test_rows_out_of_order_and_twice_are_sorted_and_taken_once(tmp_path):
+    rows = ["0.02 3 0 0 0 0 0 1", "0.01 2 0 0 0 0 0 1", "0.02 9 0 0 0 0 0 1", "0.0 1 0 0 0 0 0 1"]
+    (tmp_path / "rig.txt").write_text("\n".join(rows))
+    track = load_tracks(tmp_path / "rig.txt")["rig"]
+    assert track.times_us.tolist() == [0, 10_000, 20_000]
+    assert track.position[:, 0].tolist() == [1, 2, 3]
+
+
+def test_markers_of_bags_and_of_csv_are_the_same(tmp_path, poses, vicon_bag):
+    rng = np.random.default_rng(1)
+    times_us = poses["Rig"][0]
+    markers = {name: (rng.normal(size=(40, 3)), rng.random(40) > 0.3) for name in ("Rig1", "Rig2", "Rig10")}
+    lines = ["t_us,body,marker,x,y,z"]
+    for k, t_us in enumerate(times_us.tolist()):
+        for name, (place, visible) in markers.items():
+            lines.append(",".join(map(str, [t_us, "Rig", name, *(place[k] if visible[k] else ["", "", ""])])))
+    (tmp_path / "markers.csv").write_text("\n".join(lines))
+    bag = vicon_bag(tmp_path / "all.bag", poses, {"Rig": markers})
+    for path in (bag, tmp_path / "markers.csv"):
+        tracks = load_markers(path)
+        assert list(tracks) == ["Rig"]
+        assert tracks["Rig"].names == ("Rig1", "Rig2", "Rig10")
+        np.testing.assert_array_equal(tracks["Rig"].times_us, times_us)
+        for k, (place, visible) in enumerate(markers.values()):
+            np.testing.assert_array_equal(tracks["Rig"].visible[:, k], visible)
+            np.testing.assert_allclose(tracks["Rig"].position[visible, k], place[visible], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("a.txt", "0 1 2 3 0 0 0 1\n1 1 2 x 0 0 0 1\n", "a.txt, line 2"),
+        ("a.txt", "0 1 2 3 0 0 0 1\n\n1 1 2 3\n", "a.txt, line 3"),
+        ("a.txt", "nan 1 2 3 0 0 0 1\n", "a.txt, line 1: not a time"),
+        ("a.csv", "t,x,y,z,qx,qy,qz\n", "no column 'qw'"),
+        ("a.csv", "x,y,z,qx,qy,qz,qw\n", "no column of times"),
+        ("a.csv", "t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n0.1,0,0,oh,0,0,0,1\n", "a.csv, line 3"),
+        ("a.txt", "", "holds no poses"),
+    ],
+)
+def test_a_bad_line_is_named(tmp_path, name, text, words):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(BadFile, match=words):
+        load_tracks(tmp_path / name)
+
+
+def test_a_damaged_message_and_a_missing_file_are_said(tmp_path, poses, vicon_bag):
+    from rosbags.rosbag1 import Writer
+
+    with Writer(tmp_path / "cut.bag") as writer:
+        topic = writer.add_connection("/vicon/Rig", "vicon/msg/Subject", msgdef="Header header", md5sum="0" * 32)
+        writer.write(topic, 10**9, b"\0" * 20)
+    with pytest.raises(BadFile, match="/vicon/Rig is damaged"):
+        load_tracks(tmp_path / "cut.bag")
+    with pytest.raises(NotFound, match=r"none\.bag"):
+        load_tracks(tmp_path / "none.bag")
+
+
+def test_a_track_knows_another_clock(tmp_path, poses):
+    track = load_tracks(write_csv(tmp_path / "all.csv", poses))["Rig"]
+    assert (track.shifted(-1250).times_us - track.times_us == -1250).all()
+    assert Rotation.from_matrix(track.picked(np.array([3, 5])).world_from_body[:, :3, :3]).magnitude().shape == (2,)
