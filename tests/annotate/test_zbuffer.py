@@ -80,7 +80,9 @@ def test_a_cloud_on_a_sphere_is_the_sphere(camera, count, radius, fine):
     well_inside = b * b - a * (centre @ centre - (0.85 * radius) ** 2) > 0
     assert (seen[well_inside] == 1).all()
     right = np.abs(depth / exact - 1)[well_inside] < (0.002 if count > 2_000 else 0.02)
-    assert right.mean() > (0.999 if count > 2_000 else 0.99)  # of the thinnest, a pixel may see through to the other side
+    assert right.mean() > (
+        0.999 if count > 2_000 else 0.99
+    )  # of the thinnest, a pixel may see through to the other side
 
 
 def test_a_slanted_plane_of_few_points_has_its_exact_depth():

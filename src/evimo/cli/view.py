@@ -1,4 +1,4 @@
-"""`evimo view`: a recording or a run in a window that can be scrubbed, in a browser, as a Rerun file or as a video."""
+"""`evimo view`: a recording, a run or a capture in a window, in a browser, as a Rerun file or as a video."""
 
 from pathlib import Path
 
@@ -24,11 +24,13 @@ def view(
 
     Opens a window (Rerun's, with the extra [view]) that can be scrubbed in time: the world with the camera, its cone
     of vision, objects and their ways; events, masks and depth; speeds as curves. Truth is shown where it is known, as
-    in what `evimo simulate` makes, and estimates where PATH is the folder of a run. Ctrl-C leaves or shows what was
+    in what `evimo simulate` makes, or follows from the poses and scans of a capture; estimates where PATH is the folder
+    of a run. Ctrl-C leaves or shows what was
     done.
 
     Args:
-        path: a recording of any known format, the folder of a run (with its estimates.h5), or a .rrd file.
+        path: a recording of any known format, the folder of a run (with its estimates.h5), the folder of a
+            capture (docs/captures.md), or a .rrd file.
         save: open nothing, and write FILE: .rrd for Rerun, .mp4 or .mkv for a video, which needs no extra. A file of
             that name is replaced once the new one is complete.
         web: show it in a browser, from this machine and without the network, until Ctrl-C.

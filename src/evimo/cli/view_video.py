@@ -13,6 +13,7 @@ import numpy as np
 from evimo.cli.progress import progress
 from evimo.cli.simulate import SIMULATING
 from evimo.cli.stopping import Stopped, asked_to_stop
+from evimo.cli.view_capture import is_capture
 from evimo.cli.view_window import Part, lasting
 from evimo.errors import BadInput, EvimoWarning, MissingExtra, NotFound, check_installed
 
@@ -40,7 +41,7 @@ def save_video(part: Part, file: Path, *, picture: bool) -> int:
     from evimo.events.slices import SLICE_US
     from evimo.viewing.video import whole_video
 
-    _refuse_runs(part)
+    _refuse_others(part)
     fps = part.speed * 1e6 / SLICE_US
     every = max(1, math.ceil(fps / FASTEST_FPS))
     with whole_video(file, fps=fps / every) as video:
@@ -69,12 +70,16 @@ def save_video(part: Part, file: Path, *, picture: bool) -> int:
     return Stopped(request.number).code if early else 0
 
 
-def _refuse_runs(part: Part) -> None:
+def _refuse_others(part: Part) -> None:
     from evimo.viewing.window.subject import is_result
 
     if part.recording is not None or is_result(part.path):
         raise BadInput(
             f"{part.path} is of a run: its video was made with it", fix="its video.mp4, or --save FILE.rrd, or --web"
+        )
+    if is_capture(part.path):
+        raise BadInput(
+            f"{part.path} is a capture", fix="--save FILE.rrd, or a video of what `evimo annotate` makes of it"
         )
     if part.path.suffix.lower() == ".rrd":
         raise BadInput(f"{part.path} is a Rerun file, which no video is made of", fix="the recording that it shows")

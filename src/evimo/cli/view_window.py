@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from evimo.cli.progress import progress
 from evimo.cli.reading import Reading
 from evimo.cli.stopping import Stopped, asked_to_stop
+from evimo.cli.view_capture import capture_subject, is_capture
 from evimo.errors import BadInput, NotFound
 
 if TYPE_CHECKING:
@@ -118,6 +119,7 @@ def _write(part: Part, file: Path, *, fix: str) -> int:
 
 def _prepared(part: Part) -> "tuple[Subject, Span]":
     """What there is to show, opened, and which slices; everything checked that can be before it starts."""
+    from evimo.viewing.window.sources import StoredTruth
     from evimo.viewing.window.subject import Subject, is_result, of_result, open_result
 
     if is_result(part.path):
@@ -128,6 +130,9 @@ def _prepared(part: Part) -> "tuple[Subject, Span]":
         return subject, _span(subject, part)
     if part.recording is not None:
         raise BadInput(f"{part.path} is no folder of a run", fix="--recording only with the folder of a run")
+    if is_capture(part.path):
+        subject = capture_subject(part.path)
+        return subject, _span(subject, part)
     events, recording = _opened_recording(part.path, part.reading)
     whole = part.path.resolve()
     subject = Subject(
@@ -135,7 +140,7 @@ def _prepared(part: Part) -> "tuple[Subject, Span]":
         sensor=events.sensor,
         camera=None if recording is None else recording.camera,
         events=events,
-        recording=recording,
+        truth=None if recording is None else StoredTruth(recording),
     )
     return subject, _span(subject, part)
 

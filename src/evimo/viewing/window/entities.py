@@ -3,7 +3,8 @@
 WORLD = "world"
 CAMERA = f"{WORLD}/camera"
 IMAGE = f"{CAMERA}/image"
-ROOM = f"{WORLD}/room"
+ROOM, SCANNED_ROOM = f"{WORLD}/room", f"{WORLD}/scan"
+MARKERS = f"{WORLD}/markers"
 TRAJECTORIES = f"{WORLD}/trajectories"
 OBJECTS = f"{WORLD}/objects"
 

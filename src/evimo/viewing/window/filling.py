@@ -5,15 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evimo.events.slices import SLICE_US, Slice
+from evimo.events.slices import Slice
 from evimo.recordings.pose_track import PoseTrack
-from evimo.recordings.recording import Recording
 from evimo.recordings.truth import Truth
 from evimo.viewing.truth_panels import depth_bounds
 from evimo.viewing.window.arrangement import Content, arrangement, eye_behind
 from evimo.viewing.window.estimate_layer import EstimateLayer
 from evimo.viewing.window.event_layer import EventLayer
 from evimo.viewing.window.pose_layer import log_camera, log_camera_world, log_poses
+from evimo.viewing.window.scan_layer import log_markers, log_shapes
 from evimo.viewing.window.store import Store
 from evimo.viewing.window.subject import Subject
 from evimo.viewing.window.truth_layer import TruthLayer
@@ -43,34 +43,24 @@ def fill(
     for part in slices:
         if layers.events is not None:
             layers.events.draw(store, part)
-        truth = None if subject.recording is None else truth_of(subject.recording, part)
+        truth = None if subject.truth is None else subject.truth.at(part)
         if layers.truth is not None and truth is not None:
             layers.truth.draw(store, truth)
         if layers.estimates is not None:
             _draw_estimate(store, layers.estimates, subject, part, truth)
+        log_markers(store, subject.markers, part)
         store.finished_slice()
         yield part
 
 
-def truth_of(recording: Recording, part: Slice) -> Truth | None:
-    """The truth nearest to the middle of a slice; None where there is none within it."""
-    if not len(recording):
-        return None
-    nearest = int(np.abs(recording.times_us - part.centre_us).argmin())
-    away_us = abs(int(recording.times_us[nearest]) - part.centre_us)
-    return recording.truth(nearest) if away_us <= SLICE_US // 2 else None
-
-
 def _started(store: Store, subject: Subject, *, shown_us: tuple[int, int], speed: float) -> Layers:
     """The layers, and all logged that holds at all times."""
-    recording, camera = subject.recording, subject.camera
+    source, camera = subject.truth, subject.camera
     estimates = subject.estimates is not None and camera is not None
-    track = None if recording is None else recording.poses
-    if track is not None:
-        track = track.part(*np.searchsorted(track.times_us, shown_us).tolist())
+    track = None if source is None else source.poses(*shown_us)
     content = Content(
         events=subject.events is not None,
-        truth=recording is not None,
+        truth=source is not None,
         estimates=estimates,
         speed=speed,
         eye=None if track is None else eye_behind(track),
@@ -82,6 +72,7 @@ def _started(store: Store, subject: Subject, *, shown_us: tuple[int, int], speed
         log_poses(store, track)
     elif camera is not None:
         log_camera_world(store)
+    log_shapes(store, subject.shapes)
     layers = _layers(subject, track)
     for layer in layers:
         if layer is not None:
@@ -90,16 +81,11 @@ def _started(store: Store, subject: Subject, *, shown_us: tuple[int, int], speed
 
 
 def _layers(subject: Subject, track: PoseTrack | None) -> Layers:
-    recording, camera = subject.recording, subject.camera
-    bounds = None if recording is None else _bounds(recording)
-    truth = None if recording is None or bounds is None else TruthLayer(recording.camera, track, bounds=bounds)
+    source, camera = subject.truth, subject.camera
+    bounds = None if source is None else depth_bounds(source.some())
+    truth = None if source is None or bounds is None else TruthLayer(source.camera, track, bounds=bounds)
     estimates = None if subject.estimates is None or camera is None else EstimateLayer(camera, bounds=bounds)
     return Layers(None if subject.events is None else EventLayer(subject.sensor), truth, estimates)
-
-
-def _bounds(recording: Recording) -> tuple[float, float]:
-    some = sorted({0, len(recording) // 2, len(recording) - 1}) if len(recording) else []
-    return depth_bounds(recording.truth(k) for k in some)
 
 
 def _draw_estimate(store: Store, layer: EstimateLayer, subject: Subject, part: Slice, truth: Truth | None) -> None:

@@ -14,6 +14,7 @@ from evimo.geometry.camera import Camera
 from evimo.predictions.runs import ESTIMATES, open_estimates, opened_h5
 from evimo.predictions.sources import Maps
 from evimo.recordings.recording import Recording
+from evimo.viewing.window.sources import Markers, Shape, StoredTruth, TruthSource
 
 SUMMARY = "summary.json"
 NO_MAPS = "run it again with --dense: evimo run RECORDING --dense --out FOLDER"
@@ -26,16 +27,19 @@ class Subject:
     name:      in the window.
     sensor:    (height, width), px.
     events:    of the recording.
-    recording: that with truth.
+    truth:     what really happened.
     estimates: of a run, in the order of their times.
+    shapes, markers: of a capture.
     """
 
     name: str
     sensor: tuple[int, int]
     camera: Camera | None = None
     events: EventFile | None = None
-    recording: Recording | None = None
+    truth: TruthSource | None = None
     estimates: Maps | None = None
+    shapes: tuple[Shape, ...] = ()
+    markers: tuple[Markers, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +128,6 @@ def of_result(result: Result, events: EventFile | None, recording: Recording | N
         sensor=result.sensor,
         camera=recording.camera if recording is not None else result.camera,
         events=events,
-        recording=recording,
+        truth=None if recording is None else StoredTruth(recording),
         estimates=result.estimates(),
     )
