@@ -17,7 +17,7 @@ from evimo.events.events import joined
 from evimo.events.slices import SLICE_US
 from evimo.formats import open_events
 from evimo.formats.event_file import EventFile
-from evimo.recordings.prepared import recording_folders
+from evimo.recordings.finding import recordings_in
 from evimo.recordings.recording import open_recording
 from evimo.viewing.colours import BACKDROP, Image, painted
 from evimo.viewing.maps import Zoom, event_levels, polarity_table
@@ -63,7 +63,7 @@ def main() -> None:
     try:
         rows: dict[str, list[EventFile]] = {}
         for folder in options.simulated:
-            found = recording_folders([folder])
+            found = recordings_in([folder])
             spread = np.linspace(0, len(found) - 1, min(len(found), len(options.real))).round().astype(int)
             rows[folder.name] = [open_recording(found[k]).events for k in spread]
         rows["real"] = [open_events(path) for path in options.real]

@@ -33,7 +33,8 @@ from evimo.events.events import Events
 from evimo.formats import open_events
 from evimo.formats.saving import SAVE, save_events
 from evimo.geometry.calibration import load_camera
-from evimo.recordings.recording import knows_truth, open_recording
+from evimo.recordings.layouts import knows_truth
+from evimo.recordings.recording import open_recording
 
 SIZE = (48, 64)
 LONGEST_S = 10.0

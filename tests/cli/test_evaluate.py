@@ -125,7 +125,7 @@ def test_a_perfect_model_is_perfect_and_the_trivial_answers_are_not(runs, record
     assert report.value("zero twist", "camera_rre") == approx(0.2)
     assert report.value("one depth everywhere", "abs_rel") == approx(100 / 1200)
     printed = capsys.readouterr().out
-    assert "simulated recordings" in printed and "beats zero flow" in printed
+    assert "recordings: overview" in printed and "beats zero flow" in printed
     page = (tmp_path / "out" / "report.md").read_text()
     assert "| model, set 4 | 1.000 |" in page and "event density, oracle threshold" in page
 
@@ -193,7 +193,7 @@ def test_unfinished_recordings_are_passed_over(recordings):
 
 def test_a_folder_without_recordings_is_one_error(tmp_path, capsys):
     assert main(["evaluate", str(tmp_path)]) == 2
-    assert "no recording in" in capsys.readouterr().err
+    assert "no recording with truth in" in capsys.readouterr().err
     with pytest.raises(NotFound, match="no recording given"):
         recordings_in([])
 

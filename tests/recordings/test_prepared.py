@@ -8,7 +8,8 @@ import pytest
 from evimo.errors import BadFile, BadInput, NotFound
 from evimo.geometry.camera import Camera
 from evimo.recordings import prepared as module
-from evimo.recordings.prepared import open_prepared, prepare, recording_folders
+from evimo.recordings.finding import recordings_in
+from evimo.recordings.prepared import open_prepared, prepare
 from evimo.recordings.recording import open_recording
 from evimo.recordings.truth import ObjectTruth
 from evimo.recordings.writer import RecordingWriter
@@ -216,9 +217,9 @@ def test_recordings_are_found_at_any_depth_and_by_name(tmp_path):
     for name in ("b", "a", "deep/er/c"):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "dataset_sim.npz").touch()
-    found = recording_folders([tmp_path])
+    found = recordings_in([tmp_path])
     assert [str(path.relative_to(tmp_path)) for path in found] == ["a", "b", "deep/er/c"]
-    assert recording_folders([tmp_path / "b", tmp_path / "a"]) == [tmp_path / "b", tmp_path / "a"]
+    assert recordings_in([tmp_path / "b", tmp_path / "a"]) == [tmp_path / "b", tmp_path / "a"]
 
 
 def test_a_recording_that_is_being_written_is_not_found(tmp_path):
@@ -227,10 +228,10 @@ def test_a_recording_that_is_being_written_is_not_found(tmp_path):
         for folder in [path for path in tmp_path.rglob("*") if path.is_dir()]:
             (folder / "dataset_sim.npz").touch()
         with pytest.raises(NotFound):
-            recording_folders([tmp_path])
-    assert recording_folders([tmp_path]) == [tmp_path / "new"]
+            recordings_in([tmp_path])
+    assert recordings_in([tmp_path]) == [tmp_path / "new"]
 
 
 def test_a_folder_without_recordings(tmp_path):
     with pytest.raises(NotFound, match="evimo simulate"):
-        recording_folders([tmp_path])
+        recordings_in([tmp_path])

@@ -81,9 +81,9 @@ def rewritten(file, **changes):
 
 
 def test_what_no_simulator_wrote_is_told_from_a_damaged_file(file):
-    """A file of the real data set: its `meta` is a pickle, which stays closed, and it knows no exact motion."""
-    real = rewritten(file, sim_facts=None, sim_ego=None, sim_times_us=None, meta=np.array({"frames": []}, object))
-    with pytest.raises(BadFile, match=r"not written by `evimo simulate`[\s\S]*evimo run"):
+    """Events, maps and no `meta`: another program's file, which holds no motion."""
+    real = rewritten(file, sim_facts=None, sim_ego=None, sim_times_us=None, meta=None)
+    with pytest.raises(BadFile, match=r"holds no truth[\s\S]*evimo run"):
         open_recording(real)
 
 

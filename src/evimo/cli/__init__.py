@@ -19,7 +19,10 @@ from evimo.errors import BadInput, EvimoWarning
 COMMANDS = {
     "run": "Find moving objects, depth and motion in a recording.",
     "info": "Say what is in a recording.",
-    "view": "Look at a recording or a run: in a window, a browser or a video.",
+    "check": "Look for defects in a recording.",
+    "convert": "Write recordings with truth in another layout.",
+    "download": "Fetch EV-IMO, and go on where it stopped.",
+    "view": "Look at a recording, run or capture: in a window, a browser or a video.",
     "simulate": "Make recordings with exact truth.",
     "annotate": "Make the truth of a capture from motion capture and scans.",
     "train": "Train a model on recordings with truth.",

@@ -25,6 +25,7 @@ def evaluate(
     *paths: Path,
     truth: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     model: str | None = None,
+    split: str = "",
     out: Path | None = None,
     imu: Literal["auto", "off"] | None = None,
     within_ms: float | None = None,
@@ -33,19 +34,21 @@ def evaluate(
     calibration: Path | None = None,
     reading: Reading = AS_TOLD,
 ) -> None:
-    """Score a model on simulated recordings, or the predictions of any program, beside the trivial answers.
+    """Score a model on recordings with truth, or the predictions of any program, beside the trivial answers.
 
     evimo evaluate RECORDING... --model small
     evimo evaluate PREDICTIONS --truth RECORDING...
     evimo evaluate RECORDING... --without-truth --calibration FILE
 
     Args:
-        paths: recordings, folders or .npz files, or folders that hold them. With --truth, the predictions: estimates.h5
+        paths: recordings with truth, or folders that hold them: EV-IMO and EVIMO2 in any of their layouts, and what
+            `evimo simulate` or `evimo convert` makes. With --truth, the predictions: estimates.h5
             or the folder of a run, a folder of PNG masks, an npz with masks or ids and times, or labels of events as
             CSV or npz; for several recordings, a folder with one of these for each, named like it.
         truth: recordings that the predictions are of.
         model: a preset, the path of an ONNX file, or `classical`, the training-free method; small unless told
             otherwise.
+        split: only recordings of the test part of a published split, such as `paper2019` or `evimo2-imo`.
         out: where report.json, report.md and report.csv go; recordings scored there before with the same model and
             settings are not scored again.
         imu: off, unless told otherwise, scores events alone; auto takes the camera's rotation from the recordings'
@@ -62,6 +65,8 @@ def evaluate(
         raise BadInput("recordings with truth know their camera and how to be read", fix="--without-truth, for others")
     if out is not None:
         make_folder(out)
+    if split and (truth or without_truth):
+        raise BadInput("--split chooses recordings with truth to run a model on", fix="leave it out")
     if without_truth:
         if truth or imu is not None or within_ms is not None:
             raise BadInput("--truth, --imu and --within-ms are for recordings with truth", fix="leave them out")
@@ -77,6 +82,7 @@ def evaluate(
             paths,
             model=model or "small",
             out=out,
+            split=split,
             imu=imu or "off",
             density_threshold=density_threshold,
             progress=progress,

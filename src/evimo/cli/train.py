@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from evimo.cli.progress import Advance, progress
 from evimo.errors import check_installed
+from evimo.recordings.finding import recordings_in
 from evimo.writing import make_folder
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def train(
     simulate: str = "",
     validate: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     validate_every: int = 500,
+    split: str = "",
     preset: str = "small",
     grow: Path | None = None,
     out: Path,
@@ -46,11 +48,13 @@ def train(
     machine or several that see the same folders: `torchrun --nproc-per-node N -m evimo train ...`.
 
     Args:
-        data: folders of recordings made by `evimo simulate`.
+        data: recordings with truth, or folders that hold them: EV-IMO and EVIMO2 in any of their layouts, and what
+            `evimo simulate` or `evimo convert` makes.
         simulate: populations of scenes, `replica,stress` or one of them, with equal shares; they are drawn and filmed
             while the model learns, and never stored. Recordings in folders are then one more population.
         validate: folders of recordings to score the model on now and then.
         validate_every: steps between scores.
+        split: only recordings of the training part of a published split, such as `paper2019` or `evimo2-imo`.
         preset: a shape to start afresh, `base`, `small` or `tiny`, or a .safetensors file to train further.
         grow: a .safetensors file of a smaller model, such as small's for base: the shape starts with its answers.
         out: folder of the run.
@@ -80,7 +84,8 @@ def train(
 
     workers = workers or max(1, (os.cpu_count() or 2) - 1)
     workplace = Workplace(out=out, device=device, workers=workers, threads=threads)
-    _train(list(data), (preset, grow), config, workplace, validation=(list(validate), validate_every))
+    recordings = recordings_in(data, split=split, part="train") if data else []
+    _train(recordings, (preset, grow), config, workplace, validation=(list(validate), validate_every))
 
 
 def _train(

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from evimo.viewing.window.subject import Subject
 
 CAPTURE, SUFFIXES = "capture.yaml", (".yaml", ".yml")
-POSES_US = 5_000  # between poses that are drawn
 
 
 def is_capture(path: Path) -> bool:
@@ -75,6 +74,8 @@ class CapturedTruth:
 
     def poses(self, start_us: int, stop_us: int) -> "PoseTrack":
         """Where the camera and the objects were."""
+        from evimo.viewing.window.sources import POSES_US
+
         return self._annotation.scene.poses(np.arange(start_us, stop_us, POSES_US, dtype=np.int64))
 
     def some(self) -> "Iterable[Truth]":

@@ -8,8 +8,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from evimo.cli.progress import progress
 from evimo.cli.simulate import SIMULATING
 from evimo.cli.stopping import Stopped, asked_to_stop
@@ -87,7 +85,8 @@ def _refuse_others(part: Part) -> None:
 
 def _prepared(part: Part, *, picture: bool) -> tuple["EventFile", "Span", Drawer]:
     """The events, the slices to show and how to draw one; everything checked that can be before it starts."""
-    from evimo.recordings.recording import knows_truth, open_recording
+    from evimo.recordings.layouts import knows_truth
+    from evimo.recordings.recording import open_recording
     from evimo.streaming.span import span_of
 
     if knows_truth(part.path):
@@ -102,6 +101,8 @@ def _prepared(part: Part, *, picture: bool) -> tuple["EventFile", "Span", Drawer
 
 
 def _light(recording: "Recording") -> "Light | None":
+    if "seed" not in recording.meta:  # no film of the simulator
+        return None
     try:
         check_installed("rendering what the camera saw", *SIMULATING, extra="simulate")
     except MissingExtra as error:
@@ -124,21 +125,19 @@ def _light(recording: "Recording") -> "Light | None":
 
 
 def _truth_drawer(recording: "Recording", light: "Light | None") -> Drawer:
-    from evimo.events.slices import SLICE_US
     from evimo.viewing.truth_panels import TruthPanels, depth_bounds
 
-    times_us, origin_us = recording.times_us, lasting(recording).start_us
+    origin_us = lasting(recording).start_us
     some = sorted({0, len(recording) // 2, len(recording) - 1})
     bounds = depth_bounds(recording.truth(k) for k in some)
     panels = TruthPanels(recording.camera, bounds=bounds, intensity=light is not None)
 
     def draw(part: "Slice") -> "Image | None":
-        nearest = int(np.abs(times_us - part.centre_us).argmin())
-        t_us = int(times_us[nearest])
-        if abs(t_us - part.centre_us) > SLICE_US // 2:
+        truth = recording.truth_at(part.centre_us)
+        if truth is None:
             return None
-        seen = None if light is None else light(t_us)
-        return panels.draw(part, recording.truth(nearest), time_origin_us=origin_us, light=seen)
+        seen = None if light is None else light(truth.t_us)
+        return panels.draw(part, truth, time_origin_us=origin_us, light=seen)
 
     return draw
 

@@ -146,7 +146,8 @@ def _prepared(part: Part) -> "tuple[Subject, Span]":
 
 
 def _opened_recording(path: Path, reading: Reading) -> "tuple[EventFile, Recording | None]":
-    from evimo.recordings.recording import knows_truth, open_recording
+    from evimo.recordings.layouts import knows_truth
+    from evimo.recordings.recording import open_recording
 
     if not knows_truth(path):
         return reading.opened(path), None

@@ -27,8 +27,6 @@ IdentifiedSlice = tuple[Slice, NDArray[np.uint8] | None]
 NO_PREDICTION = "slices WITHOUT a prediction, not scored"
 RANKED_BASELINES = (baselines.EVERYTHING, baselines.DENSITY)
 """The trivial masks that are scored under every protocol, too."""
-MATCH_US = 1_000
-"""Truth further than this from the slice's centre is not the truth of that slice."""
 
 
 class Labeller:
@@ -59,18 +57,15 @@ class Labeller:
             first = last
 
     def label(self, part: Slice, scored: Mask, *, event_ids: NDArray[np.uint8] | None = None) -> LabelledSlice | None:
-        """The slice with its truth; None where none is known within a millisecond of its centre.
+        """The slice with its truth; None where none is known at its centre.
 
         scored: (H, W), pixels to score; those where the lens model does not hold are left out too.
         event_ids: the object that made each event of the slice.
         """
         recording = self.recording
-        if not len(recording):
+        truth = recording.truth_at(part.centre_us)
+        if truth is None:
             return None
-        k = int(np.argmin(np.abs(recording.times_us - part.centre_us)))
-        if abs(int(recording.times_us[k]) - part.centre_us) > MATCH_US:
-            return None
-        truth = recording.truth(k)
         focal_px, dt_s = (recording.camera.fx, recording.camera.fy), (part.stop_us - part.start_us) * 1e-6
         flow = true_flow(truth, self.grid)
         return labelled(

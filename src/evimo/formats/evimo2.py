@@ -13,7 +13,7 @@ from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive, array_header
-from evimo.formats.sensors import assumed_sensor, whole_pixels
+from evimo.formats.sensors import assumed_sensor, on_sign, whole_pixels
 from evimo.formats.stored_gyroscope import folder_gyroscope
 from evimo.formats.stored_times import StoredTimes
 from evimo.formats.survey import no_events_in
@@ -48,8 +48,10 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
         said=time_unit,
     )
 
+    on = on_sign(folder)
+
     def read(start_us: int) -> Iterator[Events]:
-        return (_part(arrays, times, at) for at in range(times.place(start_us), len(t), PACKET_EVENTS))
+        return (_part(arrays, times, at, on) for at in range(times.place(start_us), len(t), PACKET_EVENTS))
 
     return EventFile(
         path=folder,
@@ -64,10 +66,10 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
     )
 
 
-def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int) -> Events:
+def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int, on: int) -> Events:
     part = slice(first, first + PACKET_EVENTS)
     xy = arrays["xy"][part]
-    p = np.where(arrays["p"][part] > 0, 1, -1).astype(np.int8)
+    p = np.where(arrays["p"][part] > 0, on, -on).astype(np.int8)
     return Events(whole_pixels(xy[:, 0]), whole_pixels(xy[:, 1]), times.in_us(arrays["t"][part]), p)
 
 

@@ -15,7 +15,7 @@ from evimo.formats.clock_rules import NO_TIME
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive
 from evimo.formats.npz_rows import NpzRows
-from evimo.formats.sensors import assumed_sensor, fitting_sensor, whole_pixels
+from evimo.formats.sensors import assumed_sensor, fitting_sensor, on_sign, whole_pixels
 from evimo.formats.stored_gyroscope import simulated_gyroscope
 from evimo.formats.survey import no_events_in, surveyed
 from evimo.formats.time_units import NAMES, Times, TimeUnit, as_us, check_span, found_unit, repeat_of, step_of
@@ -48,8 +48,10 @@ def open_evimo_npz(
         check_span(path, events=survey.events, span_us=survey.stop_us - survey.start_us, unit=unit)
     size = sensor or _map_size(archive) or assumed_sensor(path, survey.extent)
 
+    sign = on_sign(path)
+
     def read(start_us: int) -> Iterator[Events]:
-        return (_as_events(block, unit) for _, block in rows.blocks(survey.place(start_us)))
+        return (_as_events(block, unit, sign) for _, block in rows.blocks(survey.place(start_us)))
 
     return EventFile(
         path=path,
@@ -76,13 +78,13 @@ def _unit(path: Path, rows: NpzRows, sensor: tuple[int, int] | None, said: TimeU
     return found_unit(path, times, said=said, usual="s" if t.dtype.kind == "f" else "us")
 
 
-def _as_events(columns: list[NDArray[Any]], unit: TimeUnit) -> Events:
+def _as_events(columns: list[NDArray[Any]], unit: TimeUnit, on: int = 1) -> Events:
     """Events of one block; a value that is no number puts its event outside of the sensor or of time."""
     t, x, y, p = columns
     t_us = as_us(t, unit)
     if p.dtype.kind == "f":
         t_us[np.isnan(p)] = NO_TIME
-    return Events(whole_pixels(x), whole_pixels(y), t_us, np.where(p > 0, 1, -1).astype(np.int8))
+    return Events(whole_pixels(x), whole_pixels(y), t_us, np.where(p > 0, on, -on).astype(np.int8))
 
 
 def _map_size(archive: Archive) -> tuple[int, int] | None:
@@ -125,20 +127,13 @@ def _own_camera(archive: Archive, size: tuple[int, int]) -> Camera:
 def _contents(archive: Archive) -> dict[str, str]:
     contents: dict[str, str] = {}
     for name, words in (("depth", "depth maps"), ("mask", "masks"), ("classical", "frames")):
-        if name in archive.names:
+        if name in archive.names and not archive.is_pickled(name):  # a camera without frames holds a pickled None
             contents[words] = str(archive.header(name).shape[0])
     if "meta" in archive.names:
-        contents["meta"] = "poses, as text" if _is_text(archive, "meta") else "poses, pickled: not opened"
+        contents["meta"] = "poses, pickled: not opened" if archive.is_pickled("meta") else "poses, as text"
     if FACTS in archive.names:
         contents["truth"] = "exact motion of a simulation"
     for name, words, of in (("sim_event_ids", "object ids", "of {:,} events"), ("sim_imu_t_us", "IMU", "{:,} samples")):
         if name in archive.names:
             contents[words] = of.format(archive.header(name).shape[0])
     return contents
-
-
-def _is_text(archive: Archive, name: str) -> bool:
-    try:
-        return archive.header(name).dtype.kind == "U"
-    except BadFile:
-        return False

@@ -3,6 +3,7 @@
 An archive that was cut short has lost the table at its end; its members are then found by walking from the front.
 """
 
+import io
 import math
 import struct
 import tokenize
@@ -17,10 +18,12 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
+from evimo.formats.pickled import plain_value
 
 LOCAL_HEADER = struct.Struct("<4s5H3L2H")
 SIZES_IN_EXTRA = 0xFFFFFFFF
 CHUNK_BYTES = 1 << 18
+MOST_PICKLED = 1 << 29  # bytes; an hour of poses is a fifth of it
 DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, struct.error),
     *(EOFError, OSError, ValueError, NotImplementedError, RuntimeError),
@@ -90,6 +93,28 @@ class Archive:
         """
         return array_header(self.stream(name), f"`{name}` in {self.path.name}")
 
+    def is_pickled(self, name: str) -> bool:
+        """Whether a member is an array of Python objects."""
+        return array_header(self.stream(name), f"`{name}` in {self.path.name}", objects=True).dtype.hasobject
+
+    def value(self, name: str) -> Any:
+        """A member of no dimension: text, or the plain value that a pickle holds, which is read without running it.
+
+        Raises:
+            BadFile: it is of another kind, a pickle of more than plain values, or damaged.
+        """
+        what = f"`{name}` in {self.path.name}"
+        stream = self.stream(name)
+        header = array_header(stream, what, objects=True)
+        if header.dtype.kind not in "OU" or math.prod(header.shape) != 1:
+            raise BadFile(f"{what} is {header.shape} {header.dtype}", fix="a text, or one pickled value")
+        if header.dtype.kind == "U":
+            return self.whole(name).reshape(-1)[0].item()
+        raw = stream.read(MOST_PICKLED + 1)
+        if len(raw) > MOST_PICKLED:
+            raise BadFile(f"{what} is a pickle of more than {MOST_PICKLED >> 20} MB", fix="copy the file again")
+        return plain_value(io.BytesIO(raw), what)
+
     def small(self, name: str) -> NDArray[Any]:
         """A whole member of at most a thousand values, such as a matrix."""
         header = self.header(name)
@@ -114,11 +139,12 @@ class Archive:
         return np.frombuffer(raw, header.dtype).reshape(header.shape, order="F" if header.fortran_order else "C")
 
 
-def array_header(stream: Stream, what: str) -> ArrayHeader:
+def array_header(stream: Stream, what: str, *, objects: bool = False) -> ArrayHeader:
     """The header of a .npy stream, left at its first value.
 
     Raises:
-        BadFile: Python objects, which only unpickling could read and which may run code; or no array.
+        BadFile: Python objects, which only unpickling could read and which may run code, unless `objects` says that
+            the caller does not unpickle; or no array.
     """
     counted = _Counted(stream)
     try:
@@ -129,7 +155,7 @@ def array_header(stream: Stream, what: str) -> ArrayHeader:
             shape, fortran_order, dtype = npy.read_array_header_2_0(counted)
     except (ValueError, TypeError, SyntaxError, EOFError, tokenize.TokenError, RecursionError, MemoryError) as error:
         raise BadFile(f"{what} is no whole NumPy array", fix="copy or export it again") from error
-    if dtype.hasobject:
+    if dtype.hasobject and not objects:
         raise BadFile(
             f"{what} holds Python objects (a pickle), which may run code when read: refused",
             fix="save it as an array of numbers",

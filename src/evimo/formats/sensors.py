@@ -12,6 +12,7 @@ from evimo.errors import BadFile, BadInput, EvimoWarning
 
 # (height, width), smallest first: DVS128, DAVIS240, ATIS, DVXplorer Lite, DAVIS346, HVGA, VGA, HD
 NOWHERE = 65535
+SAMSUNG = "samsung_mono"  # EVIMO2's folder of a camera that calls darker 1
 KNOWN_SENSORS = ((128, 128), (180, 240), (240, 304), (240, 320), (260, 346), (320, 480), (480, 640), (720, 1280))
 
 
@@ -64,3 +65,8 @@ def assumed_sensor(path: Path, extent: tuple[int, int]) -> tuple[int, int]:
             )
             return known
     raise BadFile(f"{path.name} fits no known sensor: {largest}", fix="give its size with --sensor WxH")
+
+
+def on_sign(path: Path) -> int:
+    """The sign of an event that is stored as 1: -1 in EVIMO2's folders of its Samsung camera."""
+    return -1 if SAMSUNG in path.resolve().parts else 1

@@ -26,10 +26,10 @@ def checked_samples(times_us: I8, poses: F8) -> NDArray[np.bool_]:
         sizes = np.bincount(run, minlength=1)
         # A short run counts as bad where a longer one is beside it, lest all of a short recording be bad.
         longer = np.maximum(np.append(sizes[1:], 0), np.append(0, sizes[:-1]))
-        brief = np.asarray((sizes <= BRIEF) & (longer > sizes))
-        if not brief.any():
+        brief = np.flatnonzero((sizes <= BRIEF) & (longer > sizes))
+        if not len(brief):
             return good
-        good[kept[brief[run]]] = False
+        good[kept[np.isin(run, brief)]] = False
 
 
 def pieces_of(times_us: I8, poses: F8, bridged_us: int) -> I8:
@@ -40,7 +40,7 @@ def pieces_of(times_us: I8, poses: F8, bridged_us: int) -> I8:
 
 def _rigid(poses: F8) -> NDArray[np.bool_]:
     """Which matrices (N, 4, 4) are finite, and rotations beside a translation."""
-    finite = np.isfinite(poses).all(axis=(1, 2))
+    finite = np.isfinite(poses.reshape(-1, 16)).all(axis=-1).reshape(-1)
     rotation = np.where(finite[:, None, None], poses[:, :3, :3], 0)
     square = rotation @ np.swapaxes(rotation, 1, 2)
     right = np.abs(square - np.eye(3)).max(axis=(1, 2), initial=0) < NOT_RIGID

@@ -7,11 +7,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from evimo.errors import BadFile
 
 FACTS = "sim_facts"  # in an .npz file
+MARK = "evimo"  # the attribute of an HDF5 file
 DAMAGED = "simulate it again, or copy the whole recording again"
 
 
@@ -24,12 +26,14 @@ def own_version() -> str:
 
 
 def facts_of(path: Path) -> dict[str, Any]:
-    """Camera, seed, sensor, version of a recording in either layout: a folder, or an .npz file.
+    """Camera, seed, sensor, version of a recording in any of this package's layouts.
 
     Raises:
         BadFile: it does not tell, or what it tells is damaged; nothing is ever unpickled.
     """
-    return _folder_facts(path / "dataset_info.json") if path.is_dir() else _archive_facts(path)
+    if path.is_dir():
+        return _folder_facts(path / "dataset_info.json")
+    return _archive_facts(path) if path.suffix == ".npz" else _hdf5_facts(path)
 
 
 def _folder_facts(path: Path) -> dict[str, Any]:
@@ -50,3 +54,11 @@ def _archive_facts(path: Path) -> dict[str, Any]:
             return dict(json.loads(str(archive[FACTS].item())))
     except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise BadFile(f"{path} does not tell how it was simulated", fix=DAMAGED) from error
+
+
+def _hdf5_facts(path: Path) -> dict[str, Any]:
+    try:
+        with h5py.File(path, "r") as file:
+            return dict(json.loads(str(file.attrs[MARK])))
+    except (ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
+        raise BadFile(f"{path} does not tell how it was made", fix=DAMAGED) from error

@@ -1,37 +1,41 @@
-"""Which recordings with truth lie in a folder."""
+"""Which recordings with truth lie in a folder: the one finder of every command."""
 
 from collections.abc import Iterable
 from pathlib import Path
 
 from evimo.errors import NotFound
-from evimo.recordings.recording import knows_truth
+from evimo.recordings.layouts import MARKS, SUFFIXES, knows_truth
+from evimo.recordings.splits import Part, part_of_split
 from evimo.writing import shown
 
-INFO = "dataset_info.json"
 
+def recordings_in(paths: Iterable[Path], *, split: str = "", part: Part = "test") -> list[Path]:
+    """Return the recordings with truth in any layout, sorted within each path, each once.
 
-def recordings_in(paths: Iterable[Path]) -> list[Path]:
-    """Return the recordings with truth, folders and .npz files, sorted within each path, each once.
+    Args:
+        paths: recordings, or folders that hold them.
+        split: the name of a published split, of whose part only recordings are kept; all of them without.
+        part: `train` or `test`.
 
     Raises:
-        NotFound: a path holds none. BadFile: an .npz file is none.
+        NotFound: a path holds none, or none of that part. BadFile: an .npz file is none. BadInput: no such split.
     """
     found: dict[Path, None] = {}
     for path in paths:
-        recordings = [path] if path.is_file() and knows_truth(path) else _recordings_below(path)
+        recordings = [path] if path.exists() and knows_truth(path) else _recordings_below(path)
         if not recordings:
             raise NotFound(
-                f"no recording in {str(path)!r}",
-                fix=f"a folder with {INFO}, such as evimo simulate --set 1 --minutes 1 --seed 7 --out DIR makes",
+                f"no recording with truth in {str(path)!r}",
+                fix="one of EV-IMO or EVIMO2, or what evimo simulate --set 1 --minutes 1 --seed 7 --out DIR makes",
             )
         found.update(dict.fromkeys(recordings))
     if not found:
         raise NotFound("no recording given", fix="evimo evaluate FOLDER, with recordings from evimo simulate")
-    return list(found)
+    return part_of_split(list(found), split, part) if split else list(found)
 
 
 def _recordings_below(path: Path) -> list[Path]:
     """Finished ones: what is being written is hidden."""
-    folders = [file.parent for file in path.rglob(INFO)]
-    files = [file for file in path.rglob("*.npz") if not file.name.startswith("dataset_") and knows_truth(file)]
-    return sorted(shown(folders + files, below=path))
+    folders = {file.parent for mark in MARKS for file in path.rglob(mark)}
+    files = [file for suffix in SUFFIXES for file in path.rglob(f"*{suffix}") if not file.name.startswith("dataset_")]
+    return sorted(each for each in shown([*folders, *files], below=path) if knows_truth(each))

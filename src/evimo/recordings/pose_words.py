@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.geometry.rotations import angles_of_matrices, quaternions_of_matrices
 from evimo.recordings.pose_track import PoseTrack
 
 F8 = NDArray[np.float64]
@@ -26,6 +27,12 @@ def in_v1_axes(track: PoseTrack) -> PoseTrack:
     """
     world_from_cam = V1_FROM_CAM @ track.world_from_cam @ V1_FROM_CAM.T
     return replace(track, world_from_cam=world_from_cam, cam_from_object=V1_FROM_CAM @ track.cam_from_object)
+
+
+def in_own_axes(world_from_cam: F8, cam_from_object: dict[int, F8]) -> tuple[F8, dict[int, F8]]:
+    """Poses (N, 4, 4) of EV-IMO's first version in this package's axes: the way back from `in_v1_axes`."""
+    placed = {key: V1_FROM_CAM.T @ poses for key, poses in cam_from_object.items()}
+    return V1_FROM_CAM.T @ world_from_cam @ V1_FROM_CAM, placed
 
 
 class PoseWords(Protocol):
@@ -80,10 +87,7 @@ def _words(poses: F8) -> list[dict[str, dict[str, float]]]:
     """Each of (N, 4, 4) as {t: x y z, rpy: r p y, q: w x y z}, m and rad."""
     if not len(poses):
         return []
-    from scipy.spatial.transform import Rotation  # comes with the extra [simulate]: who writes recordings has it
-
-    rotation = Rotation.from_matrix(poses[:, :3, :3])
-    angles, quaternions = rotation.as_euler("xyz"), rotation.as_quat()[:, [3, 0, 1, 2]]
+    angles, quaternions = angles_of_matrices(poses[:, :3, :3]), quaternions_of_matrices(poses[:, :3, :3])
     parts = (("t", "xyz", poses[:, :3, 3]), ("rpy", "rpy", angles), ("q", "wxyz", quaternions))
     named = [(name, letters, np.round(values, DIGITS).tolist()) for name, letters, values in parts]
     return [

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, NotFound
+from evimo.errors import BadFile
 from evimo.events.slices import SLICE_US, Slice, in_slices
 from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import Rectification, rectified
 from evimo.recordings.flow import true_flow
 from evimo.recordings.recording import Recording, open_recording
 from evimo.recordings.truth import Truth
-from evimo.writing import new_folder, remove_leftovers, shown
+from evimo.writing import new_folder, remove_leftovers
 
 FORMAT = 1
 ROOM = "more room, or a copy of the recordings on a disk that can be written: each is prepared once, in its folder"
@@ -40,6 +40,7 @@ class Prepared:
     ego:      (S, 6) float32.
     event_xy: (N, 2) uint16, column and row of each event of these slices in 1/64 px; event_t: (N,) uint16, µs since the
         slice's start; event_on: (N,) bool, brighter; event_first: (S + 1,) int64, first event of each slice.
+    known: (S,) bool, slices whose truth is known, None where all are; of the others only the events mean anything.
     """
 
     intrinsics: NDArray[np.float32]
@@ -55,39 +56,32 @@ class Prepared:
     event_t: NDArray[np.uint16]
     event_on: NDArray[np.bool_]
     event_first: NDArray[np.int64]
+    known: NDArray[np.bool_] | None = None
+
+    def middles(self) -> NDArray[np.int64]:
+        """The slices that can be the middle of a sample: those whose truth is known."""
+        return np.arange(len(self)) if self.known is None else np.flatnonzero(self.known)
 
     def __len__(self) -> int:
         return len(self.ego)
 
 
-def recording_folders(paths: list[Path]) -> list[Path]:
-    """The recordings with truth in or below each path, sorted by name; what is hidden there is unfinished.
+def prepare(path: Path) -> Path:
+    """Write the arrays of `Prepared` into the recording's own folder, or beside its file, if they are not there yet.
 
-    Raises:
-        NotFound: a path holds none.
-    """
-    found: list[Path] = []
-    for path in paths:
-        inside = sorted(info.parent for info in shown(path.glob("**/dataset_sim.npz"), below=path))
-        if not inside:
-            raise NotFound(f"no recording with truth in {path}", fix="make some with `evimo simulate --out DIR`")
-        found += inside
-    return found
-
-
-def prepare(folder: Path) -> Path:
-    """Write the arrays of `Prepared` into the recording's own folder, if they are not there yet; returns where.
+    Returns where.
 
     Raises:
         BadFile: the recording is damaged, or has no truth. BadInput: its folder cannot be written, or the disk is full.
     """
-    target = folder / f"prepared_v{FORMAT}"
-    remove_leftovers(folder)
+    name = f"prepared_v{FORMAT}"
+    target = path / name if path.is_dir() else path.with_name(f"{path.name}.{name}")
+    remove_leftovers(target.parent)
     if target.exists():
         return target
-    recording = open_recording(folder)
+    recording = open_recording(path)
     if not len(recording):
-        raise BadFile(f"{folder} has no slice with truth", fix="simulate at least 0.025 s")
+        raise BadFile(f"{path} has no slice with truth", fix="simulate at least 0.025 s")
     with new_folder(target, fix=ROOM) as unfinished:
         arrays, intrinsics = _arrays(recording.camera, _stored_slices(recording))
         for name, values in arrays.items():
@@ -112,40 +106,58 @@ def open_prepared(folder: Path) -> Prepared:
     try:
         intrinsics = np.array(json.loads((folder / "camera.json").read_text())["intrinsics"], np.float32)
         arrays = {
-            name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in NAMES + EVENT_NAMES
+            name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)
+            for name in (*NAMES, *EVENT_NAMES, *(("known",) if (folder / "known.npy").exists() else ()))
         }
     except (OSError, EOFError, ValueError, KeyError, TypeError) as error:
         raise BadFile(f"{folder} is damaged: {error}", fix="delete it; it is made again") from error
     return Prepared(intrinsics, **arrays)
 
 
-def prepared_in_memory(camera: Camera, slices: Iterable[tuple[Slice, Truth]]) -> Prepared:
+def prepared_in_memory(camera: Camera, slices: Iterable[tuple[Slice, Truth | None]]) -> Prepared:
     """The slices of a recording that no file holds, one at least, in the rectified image of its camera."""
     arrays, intrinsics = _arrays(camera, slices)
     return Prepared(np.array(intrinsics, np.float32), **arrays)
 
 
-def _stored_slices(recording: Recording) -> Iterator[tuple[Slice, Truth]]:
+def _stored_slices(recording: Recording) -> Iterator[tuple[Slice, Truth | None]]:
+    """Every slice from the first instant of truth to the last, and its truth where that is known."""
+    first_us = int(recording.times_us[0]) // SLICE_US * SLICE_US
     stop_us = int(recording.times_us[-1]) + SLICE_US // 2
-    slices = {s.centre_us: s for s in in_slices(recording.events.packets(), SLICE_US, start_us=0, stop_us=stop_us)}
-    for k, t_us in enumerate(recording.times_us.tolist()):
-        if t_us not in slices:
-            break  # the events end before the truth does
-        yield slices[t_us], recording.truth(k)
+    for part in in_slices(recording.events.packets(first_us), SLICE_US, start_us=first_us, stop_us=stop_us):
+        if part.start_us >= stop_us:
+            break
+        yield part, recording.truth_at(part.centre_us)
 
 
-def _arrays(camera: Camera, slices: Iterable[tuple[Slice, Truth]]) -> tuple[dict[str, NDArray[Any]], list[float]]:
+def _arrays(
+    camera: Camera, slices: Iterable[tuple[Slice, Truth | None]]
+) -> tuple[dict[str, NDArray[Any]], list[float]]:
     """Everything of one recording, by name, and its rectified intrinsics."""
     rectification = rectified(camera)
     pixels, _ = camera.normalised(camera.pixels())
     grid = np.moveaxis(pixels, -1, 0)
-    rows = [_truth_row(truth, grid, rectification) | _event_row(slice_, rectification) for slice_, truth in slices]
-    arrays = {name: np.stack([row[name] for row in rows]) for name in NAMES if name != "valid"}
+    rows = [
+        _truth_row(truth or _unknown(camera, part), grid, rectification)
+        | {"known": np.array(truth is not None)}
+        | _event_row(part, rectification)
+        for part, truth in slices
+    ]
+    arrays = {name: np.stack([row[name] for row in rows]) for name in (*NAMES, "known") if name != "valid"}
     arrays |= {name: np.concatenate([row[name] for row in rows]) for name in EVENT_NAMES[:3]}
+    if arrays["known"].all():
+        del arrays["known"]
     counts = [len(row["event_t"]) for row in rows]
     arrays |= {"event_first": np.cumsum([0, *counts]), "valid": rectification.image_valid}
     image = rectification.image
     return arrays, [image.fx, image.fy, image.cx, image.cy]
+
+
+def _unknown(camera: Camera, part: Slice) -> Truth:
+    """What stands for the truth of a slice of which none is known, so that the slices beside it stay beside it."""
+    nothing = np.zeros(camera.size)
+    masks = nothing.astype(np.bool_), nothing.astype(np.uint8), nothing.astype(np.bool_)
+    return Truth(part.centre_us, nothing.astype(np.float32), *masks, np.zeros(6), {})
 
 
 def _truth_row(truth: Truth, grid: NDArray[np.float64], rectification: Rectification) -> dict[str, NDArray[Any]]:

@@ -1,5 +1,7 @@
 """A recording with truth: events, camera, and what really happened at the centre of each slice."""
 
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -9,17 +11,23 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, NotFound
 from evimo.formats.event_file import EventFile
-from evimo.formats.npz_members import Archive
 from evimo.geometry.camera import Camera
-from evimo.recordings.facts import DAMAGED, FACTS, facts_of
+from evimo.recordings.carried_truth import carried
+from evimo.recordings.datasets import open_dataset, parts_of
+from evimo.recordings.evimo1_bag import open_bag
+from evimo.recordings.facts import DAMAGED, facts_of
 from evimo.recordings.imu import Imu
-from evimo.recordings.pose_track import PoseTrack
-from evimo.recordings.stored_parts import ArchiveParts, Arrays, FolderParts, StoredParts
+from evimo.recordings.layouts import layout_of
+from evimo.recordings.paths import Paths, paths_of
+from evimo.recordings.splits import place_of
+from evimo.recordings.stored_parts import Arrays, StoredParts, own_parts
 from evimo.recordings.truth import ObjectTruth, Truth
 
-TRUTH_FILES = ("dataset_sim.npz", "dataset_clutter.npz")  # only our own folders have them
 MOTIONS = ("times_us", "ego", "object_ids", "positions", "velocities", "rotations")
 TRAJECTORY = ("trajectory_us", "trajectory_world_from_cam", "trajectory_cam_from_object")
+SAME_US = 1_000  # truth that is as near as this is the truth of an instant
+TRAJECTORY_IDS = "trajectory_object_ids"
+REACH_US = 15_000  # from which truth is carried to another instant: more than half a period of 40 Hz with its jitter
 
 
 class Recording:
@@ -28,13 +36,21 @@ class Recording:
     path:     the folder or file.
     camera:   of the sensor.
     times_us: (F,) int64, the instants whose truth is known, in the events' own clock.
-    meta:     how it was made: set, seed, sensor settings, version.
+    meta:     how it was made: set, seed, sensor settings, version; or its layout and its place in a dataset.
     """
 
-    def __init__(self, parts: StoredParts, camera: Camera, motions: Arrays, meta: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        parts: StoredParts,
+        camera: Camera,
+        motions: Arrays,
+        meta: dict[str, Any],
+        *,
+        find_paths: Callable[[], Paths | None] = lambda: None,
+    ) -> None:
         self.path, self.camera, self.meta = parts.path, camera, meta
         self.times_us: NDArray[np.int64] = motions["times_us"].astype(np.int64)
-        self._parts, self._motions = parts, motions
+        self._parts, self._motions, self._find_paths = parts, motions, find_paths
 
     def __len__(self) -> int:
         return len(self.times_us)
@@ -77,24 +93,6 @@ class Recording:
             raise BadFile(f"IMU arrays of {self.path} do not fit together", fix=DAMAGED)
         return Imu(**arrays)
 
-    @cached_property
-    def poses(self) -> PoseTrack | None:
-        """Where the camera and the objects are, at 200 Hz; None where the recording has no poses.
-
-        Raises:
-            BadFile: they do not fit together.
-        """
-        try:
-            arrays = self._parts.motions(("object_ids", *TRAJECTORY))
-        except BadFile:
-            return None
-        times_us, world_from_cam, placed = (arrays[name] for name in TRAJECTORY)
-        ids = arrays["object_ids"]
-        if world_from_cam.shape != (len(times_us), 4, 4) or placed.shape[::2] != (len(times_us), 4) or placed.ndim != 4:
-            raise BadFile(f"poses of {self.path} do not fit together", fix=DAMAGED)
-        # A scene may have movers that its truth never shows: they have poses, and no number here.
-        return PoseTrack(times_us.astype(np.int64), world_from_cam, ids, placed[:, ids.astype(np.intp) - 1])
-
     def truth(self, k: int) -> Truth:
         """Everything about the instant times_us[k].
 
@@ -107,13 +105,35 @@ class Recording:
         depth_m = depth.astype(np.float32) * np.float32(1e-3)
         ids = (mask // 1000).astype(np.uint8)
         clutter = self._map("clutter", k) > 0
-        motions = (self._motions[name][k] for name in ("positions", "velocities", "rotations"))
-        objects = {
-            int(id_): ObjectTruth(*moved)
-            for id_, *moved in zip(self._motions["object_ids"], *motions, strict=True)
-            if np.isfinite(moved).all()
-        }
+        objects = objects_at(self._motions, k)
         return Truth(int(self.times_us[k]), depth_m, depth > 0, ids, clutter, self._motions["ego"][k], objects)
+
+    def truth_at(self, t_us: int) -> Truth | None:
+        """Everything about an instant at or near those of `times_us`; None where nothing is known.
+
+        Maps of an instant that is up to 15 ms away are carried along the poses of the camera and the objects.
+
+        Raises:
+            BadFile: a map is missing or damaged.
+        """
+        if not len(self):
+            return None
+        k = int(np.argmin(np.abs(self.times_us - t_us)))
+        away_us = abs(int(self.times_us[k]) - t_us)
+        if away_us <= SAME_US:
+            return self.truth(k)
+        if away_us > REACH_US or self.paths is None:
+            return None
+        return carried(self.truth(k), t_us, self.paths, self.camera)
+
+    @cached_property
+    def paths(self) -> Paths | None:
+        """Where the camera and the objects are at any time, and how they move; None where no poses are stored.
+
+        Raises:
+            BadFile: they are damaged.
+        """
+        return self._find_paths()
 
     def clutter_bodies(self, k: int) -> NDArray[np.uint8]:
         """Which static body drawn like the movers is seen in each pixel, (H, W); 0 is none."""
@@ -126,19 +146,19 @@ class Recording:
         return values
 
 
-def knows_truth(path: Path) -> bool:
-    """Whether `evimo simulate` has written this folder or .npz file, be it whole or damaged.
-
-    Raises:
-        BadFile: an .npz file in which nothing can be found.
-    """
-    if path.is_dir():
-        return any((path / name).exists() for name in TRUTH_FILES)
-    return path.suffix == ".npz" and path.exists() and FACTS in Archive(path).names
+def objects_at(motions: Arrays, k: int) -> dict[int, ObjectTruth]:
+    """The objects that exist at an instant, by number."""
+    each = zip(motions["object_ids"], *(motions[name][k] for name in MOTIONS[3:]), strict=True)
+    settled = motions["moving"][k] if "moving" in motions else [None] * len(motions["object_ids"])
+    return {
+        int(id_): ObjectTruth(*moved, settled=None if moves is None else bool(moves))
+        for (id_, *moved), moves in zip(each, settled, strict=True)
+        if np.isfinite(moved).all()
+    }
 
 
 def open_recording(path: str | Path) -> Recording:
-    """Open a recording with truth, as the simulator writes it: a folder, or an .npz file in EV-IMO's own layout.
+    """Open a recording with truth: one of EV-IMO or EVIMO2 in any of their layouts, or one that this package wrote.
 
     Raises:
         NotFound: no such folder or file.
@@ -146,12 +166,30 @@ def open_recording(path: str | Path) -> Recording:
     """
     path = Path(path)
     if not path.exists():
-        raise NotFound(f"no recording {path}", fix="what `evimo simulate` has written, a folder or an .npz file")
+        raise NotFound(f"no recording {path}", fix="a recording of EV-IMO or EVIMO2, or of `evimo simulate`")
+    layout = layout_of(path)
+    if layout in ("folder", "archive", "hdf5"):
+        return _own(path)
+    if layout == "EV-IMO bag":
+        parts, paths = open_bag(path)
+    else:
+        dataset = open_dataset(path, layout)
+        layout, paths = dataset.layout, dataset.paths()
+        parts = parts_of(dataset, paths)
+    meta = {"layout": layout, **place_of(path).facts()}
+    return Recording(parts, parts.camera, parts.exact, meta, find_paths=lambda: paths)
+
+
+def _own(path: Path) -> Recording:
+    """A recording that this package wrote."""
     information = facts_of(path)
-    parts = FolderParts(path) if path.is_dir() else ArchiveParts(path)
+    parts = own_parts(path)
     motions = parts.motions(MOTIONS)
+    with suppress(BadFile):  # where speed alone tells what moves, there is none
+        motions |= parts.motions(("moving",))
     frames, bodies = len(motions["times_us"]), len(motions["object_ids"])
     shapes = {"ego": (frames, 6)} | dict.fromkeys(("positions", "velocities", "rotations"), (frames, bodies, 3))
+    shapes |= {"moving": (frames, bodies)} if "moving" in motions else {}
     if any(motions[name].shape != shape for name, shape in shapes.items()):
         raise BadFile(f"exact motions (sim) of {path} do not fit together", fix=DAMAGED)
     try:
@@ -160,4 +198,22 @@ def open_recording(path: str | Path) -> Recording:
         camera = Camera(**stored)
     except (KeyError, TypeError) as error:
         raise BadFile(f"what {path} tells of itself (info.json, sim_facts) lacks the camera", fix=DAMAGED) from error
-    return Recording(parts, camera, motions, information)
+    return Recording(parts, camera, motions, information, find_paths=lambda: _stored_paths(parts))
+
+
+def _stored_paths(parts: StoredParts) -> Paths | None:
+    """Splines of the poses at 200 Hz that a recording of this package holds; None where it was written without."""
+    try:
+        arrays = parts.motions(TRAJECTORY)
+    except BadFile:
+        return None
+    placed = arrays["trajectory_cam_from_object"]
+    try:
+        ids = [int(key) for key in parts.motions((TRAJECTORY_IDS,))[TRAJECTORY_IDS]]
+    except BadFile:  # written before version 0.2, when objects were numbered from 1
+        ids = list(range(1, placed.shape[1] + 1))
+    frames = len(arrays["trajectory_us"])
+    if arrays["trajectory_world_from_cam"].shape != (frames, 4, 4) or placed.shape != (frames, len(ids), 4, 4):
+        raise BadFile(f"poses of {parts.path} do not fit together", fix=DAMAGED)
+    columns = {key: placed[:, column] for column, key in enumerate(ids)}
+    return paths_of(arrays["trajectory_us"], arrays["trajectory_world_from_cam"], columns)

@@ -40,7 +40,8 @@ def without_maps(truth: Truth) -> Truth:
 
 def exact_motions(truths: list[Truth]) -> Arrays:
     """Instants and motions: `times_us` (F,), `ego` (F, 6), `object_ids` (K,), and `positions`, `velocities`,
-    `rotations` (F, K, 3), nan where an object does not exist; camera axes, m, m/s, rad/s.
+    `rotations` (F, K, 3), nan where an object does not exist; camera axes, m, m/s, rad/s; and `moving` (F, K) where
+    that was told from whole paths.
     """
     times = np.array([truth.t_us for truth in truths], np.int64)
     ids = sorted({id_ for truth in truths for id_ in truth.objects})
@@ -49,7 +50,14 @@ def exact_motions(truths: list[Truth]) -> Arrays:
         for id_, moved in truth.objects.items():
             motions[:, frame, ids.index(id_)] = moved.position, moved.velocity, moved.rotation
     ego = np.array([truth.ego for truth in truths]).reshape(-1, 6)
-    arrays = {"times_us": times, "ego": ego, "object_ids": np.array(ids, np.uint8)}
+    arrays: Arrays = {"times_us": times, "ego": ego, "object_ids": np.array(ids, np.uint8)}
+    settled = [
+        (frame, id_, moved.settled) for frame, truth in enumerate(truths) for id_, moved in truth.objects.items()
+    ]
+    if any(moves is not None for _, _, moves in settled):
+        arrays["moving"] = np.zeros((len(times), len(ids)), np.bool_)
+        for frame, id_, moves in settled:
+            arrays["moving"][frame, ids.index(id_)] = bool(moves)
     return arrays | dict(zip(("positions", "velocities", "rotations"), motions, strict=True))
 
 
@@ -66,6 +74,7 @@ def exact_poses(frames: PoseTrack, trajectory: PoseTrack) -> Arrays:
         "world_from_cam": frames.world_from_cam,
         "cam_from_object": frames.cam_from_object,
         "trajectory_us": trajectory.times_us,
+        "trajectory_object_ids": trajectory.object_ids,
         "trajectory_world_from_cam": trajectory.world_from_cam,
         "trajectory_cam_from_object": trajectory.cam_from_object,
     }

@@ -15,6 +15,7 @@ from evimo.formats.evimo2 import mapped, open_evimo2
 from evimo.formats.evimo_npz import open_evimo_npz
 from evimo.formats.npz_members import Archive
 from evimo.recordings.facts import DAMAGED
+from evimo.recordings.hdf5_layout import Hdf5Parts
 from evimo.recordings.imu import IMU_ARRAYS
 
 Arrays = dict[str, NDArray[Any]]
@@ -54,6 +55,13 @@ class StoredParts(Protocol):
     def map(self, name: str, k: int) -> NDArray[Any]:
         """`depth`, `mask` or `clutter` (H, W) of instant k, as stored."""
         ...
+
+
+def own_parts(path: Path) -> StoredParts:
+    """The parts of a recording that this package wrote, in any of its layouts."""
+    if path.is_dir():
+        return FolderParts(path)
+    return ArchiveParts(path) if path.suffix == ".npz" else Hdf5Parts(path)
 
 
 class FolderParts:

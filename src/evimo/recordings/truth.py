@@ -16,15 +16,19 @@ class ObjectTruth:
     position: (3,) a point of the body, m, about which it turns.
     velocity: (3,) of that point relative to the static world, m/s.
     rotation: (3,) angular velocity relative to the static world, rad/s.
+    settled:  whether it moves, where that was told from its whole path (`paths.moving_of`); else its speed tells.
     """
 
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
     rotation: NDArray[np.float64]
+    settled: bool | None = None
 
     @property
     def moves(self) -> bool:
         """Whether it moves now, faster than 3 cm/s or 10 degrees/s relative to the static world; else it rests."""
+        if self.settled is not None:
+            return self.settled
         speed, turning = float(np.linalg.norm(self.velocity)), float(np.linalg.norm(self.rotation))
         return speed > MOVING_MPS or turning > math.radians(MOVING_DEGPS)
 

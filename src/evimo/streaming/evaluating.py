@@ -34,6 +34,7 @@ def evaluate(
     *,
     model: str | Path = "small",
     out: str | Path | None = None,
+    split: str = "",
     imu: Literal["auto", "off"] = "off",
     density_threshold: float = DENSITY_THRESHOLD,
     progress: Callable[[int], AbstractContextManager[Tick]] = unseen,
@@ -41,9 +42,10 @@ def evaluate(
     """Score a model on recordings that know the truth, beside the trivial answers.
 
     Args:
-        recordings: made by `evimo simulate`, folders or .npz files, or folders that hold them; one or several.
+        recordings: with truth, in any layout that `open_recording` opens, or folders that hold them; one or several.
         model: a preset, or the path of an ONNX file.
         out: where each recording's own report is kept, and not made again with the same model and settings.
+        split: the name of a published split, of whose test part only recordings are scored.
         imu: off scores events alone; auto takes the camera's rotation from the recordings' gyroscopes.
         density_threshold: times the mean event density, for that baseline; tuned on other recordings.
         progress: takes the number of slices; inside the context that it gives, what that holds is called after each.
@@ -57,7 +59,7 @@ def evaluate(
     if imu not in ("auto", "off"):
         raise BadInput(f"no way {imu!r} to use an IMU", fix="auto or off")
     paths = [recordings] if isinstance(recordings, str | Path) else recordings
-    opened = [open_recording(path) for path in recordings_in(Path(path) for path in paths)]
+    opened = [open_recording(path) for path in recordings_in((Path(path) for path in paths), split=split)]
     settings: dict[str, str | float] = {
         "model": str(model),
         **{f"model {key}": value for key, value in model_of(model).identity.items()},
@@ -82,7 +84,7 @@ def evaluate(
                 if path is not None:
                     report.save(path)
             total = total + report
-    return replace(total, title="simulated recordings", settings=settings)
+    return replace(total, title="recordings", settings=settings)
 
 
 def _kept_at(out: Path, recording: Recording) -> Path:

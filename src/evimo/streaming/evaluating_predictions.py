@@ -13,17 +13,17 @@ from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.kinds import groups_of
 from evimo.evaluation.labels import LabelledSlice
 from evimo.evaluation.report import Report
-from evimo.evaluation.scoring import MATCH_US, NO_PREDICTION, Labeller, score_recording
+from evimo.evaluation.scoring import NO_PREDICTION, Labeller, score_recording
 from evimo.events.slices import Slice
 from evimo.predictions.opening import open_predictions, predictions_of
 from evimo.predictions.sources import Maps, Predictions
 from evimo.recordings.facts import own_version
 from evimo.recordings.finding import recordings_in
 from evimo.recordings.prediction import Prediction
-from evimo.recordings.recording import Recording, open_recording
+from evimo.recordings.recording import SAME_US, Recording, open_recording
 from evimo.streaming.evaluating import Tick, unseen
 
-WITHIN_MS = MATCH_US / 1000
+WITHIN_MS = SAME_US / 1000
 UNUSED = "predictions at no slice's centre, not scored"
 UNLABELLED = "events without a label, taken as static"
 

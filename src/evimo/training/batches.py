@@ -21,7 +21,7 @@ class Batch(NamedTuple):
     valid:       (B, 1, h, w) float, share of the pixel that the lens sees.
     intrinsics:  (B, 4) fx fy cx cy of the image (H, W), px.
     depth:       (B, 1, h, w) m; meaningless where not `depth_valid`.
-    depth_valid: (B, 1, h, w) bool; elsewhere no other truth of the pixel is known either.
+    depth_valid: (B, 1, h, w) bool; elsewhere nothing is known of the pixel but whether it moves.
     moving:      (B, 1, h, w) bool, pixels of objects that move.
     flow:        (B, 2, h, w) 1/s on the plane Z = 1.
     velocity:    (B, 3, h, w) of the object the pixel shows, relative to the static world, camera axes, m/s.

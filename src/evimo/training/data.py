@@ -67,7 +67,7 @@ def samples_of(recordings: Sequence[Prepared]) -> Samples:
         (number, middle)
         for number, recording in enumerate(recordings)
         if len(recording.event_t)
-        for middle in range(len(recording))
+        for middle in recording.middles().tolist()
     ]
     return Samples(recordings, np.array(pairs, np.int64).reshape(-1, 2))
 

@@ -42,7 +42,7 @@ def at_scale(batch: Batch, prediction: Prediction) -> Batch:
     return batch._replace(
         events=events,
         voxels=reduced(batch.voxels.expm1(), step) if step > 1 else batch.voxels.expm1(),
-        valid=(picked(batch.valid) > 0).to(batch.valid),
+        valid=picked(batch.valid),
         intrinsics=prediction.intrinsics,
         depth=picked(batch.depth),
         depth_valid=picked(batch.depth_valid),
@@ -78,9 +78,9 @@ def terms(prediction: Prediction, batch: Batch, mean_depth: Tensor, recipe: Reci
         "twist": lambda: _twist(prediction, batch, mean_depth.flatten()),
         "velocity": lambda: _velocity(prediction, batch, mean_depth),
         "direction": lambda: _direction(prediction, batch),
-        "mask_one_sided": lambda: one_sided_mask_loss(prediction.mixture[:, :1], batch.moving, _known(batch)),
+        "mask_one_sided": lambda: one_sided_mask_loss(prediction.mixture[:, :1], batch.moving, mask_known(batch)),
         "mask": lambda: _mask(prediction, batch, recipe.moving_share),
-        "dice": lambda: _spread(dice_loss(prediction.mixture[:, :1], batch.moving, _known(batch)), prediction),
+        "dice": lambda: _spread(dice_loss(prediction.mixture[:, :1], batch.moving, mask_known(batch)), prediction),
         "mask_smoothness": lambda: mixture_smoothness(prediction.mixture),
         "depth": lambda: depth_loss(prediction.rel_depth, batch.depth / mean_depth, _known(batch)),
         "depth_smoothness": lambda: depth_smoothness(prediction.rel_depth),
@@ -149,8 +149,17 @@ def taken_out(batch: Batch, first: FirstAnswer) -> Compensation:
 
 
 def _known(batch: Batch) -> Tensor:
-    """Where the truth is known; it may not be in a pixel at the border, of which the lens sees a part alone."""
+    """Where depth and flow are known: not in a pixel at the border, of which the lens sees a part alone, and not in
+    front of a background that a dataset has no depth of.
+    """
     return (batch.valid > 0) & batch.depth_valid
+
+
+def mask_known(batch: Batch) -> Tensor:
+    """Where it is known whether something moves: where depth is known, and in every pixel that the lens sees whole, as
+    datasets without a background's depth know that it rests.
+    """
+    return _known(batch) | (batch.valid >= 1)
 
 
 def _flow_error(flow: Tensor, prediction: Prediction, batch: Batch, *, besides: Tensor | None = None) -> Tensor:
@@ -196,7 +205,7 @@ def _direction(prediction: Prediction, batch: Batch) -> Tensor:
 
 
 def _mask(prediction: Prediction, batch: Batch, moving_share: float) -> Tensor:
-    known = _known(batch)
+    known = mask_known(batch)
     weight = balance(batch.moving, known, moving_share=moving_share)
     return mask_loss(prediction.mixture[:, :1], batch.moving, known) * weight
 

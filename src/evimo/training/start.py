@@ -14,7 +14,8 @@ from evimo.model.checkpoint import load_model
 from evimo.model.motion_net import MotionNet
 from evimo.model.presets import PRESETS
 from evimo.model.widening import widened
-from evimo.recordings.prepared import EVENT_NAMES, NAMES, Prepared, open_prepared, prepare, recording_folders
+from evimo.recordings.finding import recordings_in
+from evimo.recordings.prepared import EVENT_NAMES, NAMES, Prepared, open_prepared, prepare
 from evimo.simulate.film import check_device
 from evimo.simulate.plan import check_population
 from evimo.simulate.workers import check_workers
@@ -131,12 +132,12 @@ def training_samples(data: list[Path], progress: Callable[[int, int], None]) -> 
 
 
 def opened(data: list[Path], progress: Callable[[int, int], None]) -> list[Prepared]:
-    """All recordings in some folders, prepared; `progress` gets how many are, of how many.
+    """All recordings in some folders, of any layout, prepared; `progress` gets how many are, of how many.
 
     Raises:
         NotFound: a folder holds none. BadFile: one is damaged.
     """
-    folders = recording_folders(data)
+    folders = recordings_in(data) if data else []
     _allow_open_files(len(folders) * (len(NAMES) + len(EVENT_NAMES)))
     recordings: list[Prepared] = []
     for done, folder in enumerate(folders):

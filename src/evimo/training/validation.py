@@ -21,7 +21,7 @@ from evimo.model.second_pass import Compensation
 from evimo.recordings.prepared import Prepared
 from evimo.training.batches import Batch
 from evimo.training.data import DEPTH_STEP, HALF, stack_of, true_motion, whole_batch
-from evimo.training.objective import taken_out
+from evimo.training.objective import mask_known, taken_out
 
 FIRST_AND_LAST = HALF  # slices at either end that are not scored: their stacks are not whole
 
@@ -74,7 +74,8 @@ def validated(
     for recording in recordings:
         if not len(recording.event_t):
             continue
-        middles = list(range(FIRST_AND_LAST, len(recording) - FIRST_AND_LAST, every))
+        whole = range(FIRST_AND_LAST, len(recording) - FIRST_AND_LAST, every)
+        middles = sorted(set(whole) & set(recording.middles().tolist()))
         wanted = sorted({k + d for k in middles for d in range(-HALF, HALF + 1)})
         firsts = {k: _first(model, recording, k, gyroscope=gyroscope) for k in wanted}
         for k in middles:
@@ -137,7 +138,7 @@ def middle_events(batch: Batch) -> Tensor:
 
 
 def _add_masks(sums: Sums, answer: Prediction, batch: Batch) -> None:
-    known = (batch.valid > 0) & batch.depth_valid
+    known = mask_known(batch)
     called, moving, events = (answer.mixture[:, :1] < 0.5) & known, batch.moving & known, middle_events(batch) * known
     if moving.any():
         sums.iou += float((called & moving).sum() / (called | moving).sum())

@@ -7,11 +7,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.events.slices import SLICE_US, Slice
+from evimo.events.slices import Slice
 from evimo.geometry.camera import Camera
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.recording import Recording
 from evimo.recordings.truth import Truth
+
+POSES_US = 5_000  # between poses that are drawn: the 200 Hz of motion capture
 
 
 class TruthSource(Protocol):
@@ -47,9 +49,9 @@ class StoredTruth:
         return self.recording.camera
 
     def poses(self, start_us: int, stop_us: int) -> PoseTrack | None:
-        """The poses at 200 Hz; None where the recording has none."""
-        track = self.recording.poses
-        return None if track is None else track.part(*np.searchsorted(track.times_us, (start_us, stop_us)).tolist())
+        """The poses every 5 ms, as far as they are known; None where the recording has none."""
+        paths = self.recording.paths
+        return None if paths is None else paths.poses(np.arange(start_us, stop_us, POSES_US, dtype=np.int64))
 
     def some(self) -> Iterable[Truth]:
         """The first instant, the middle and the last."""
@@ -57,12 +59,8 @@ class StoredTruth:
         return (self.recording.truth(k) for k in sorted({0, count // 2, count - 1}) if 0 <= k < count)
 
     def at(self, part: Slice) -> Truth | None:
-        """The instant nearest to the middle of the slice, if it lies within it."""
-        if not len(self.recording):
-            return None
-        away_us = np.abs(self.recording.times_us - part.centre_us)
-        nearest = int(away_us.argmin())
-        return self.recording.truth(nearest) if away_us[nearest] <= SLICE_US // 2 else None
+        """The truth of the middle of the slice, from the instant nearest to it."""
+        return self.recording.truth_at(part.centre_us)
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,8 @@ from evimo.viewing.window.motions import (
 )
 from evimo.viewing.window.store import Store
 
-ROOM_POINTS = 400  # of each slice; they stay, and become the room
-ROOM_COLOUR = (120, 124, 132)
+ROOM_POINTS = 250  # of each slice; they stay, and become the room
+ROOM_COLOUR = (84, 88, 96)
 
 
 class TruthLayer:

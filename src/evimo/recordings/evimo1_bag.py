@@ -1,0 +1,123 @@
+"""EV-IMO's bags: events and the mocap's poses, without maps; what their own program made of the poses, without it.
+
+Beside the bag lie config.txt, calib.txt and extrinsics.txt. Times and poses become what that program gave them, which
+is what its releases as .npz and text hold: events from the first one on, poses shifted by the offset that was tuned.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadFile, NotFound
+from evimo.formats.bag_messages import topics
+from evimo.formats.event_messages import ARRAYS
+from evimo.formats.opening import open_events
+from evimo.formats.rosbag1 import Rosbag1
+from evimo.formats.rosbag1 import open_bag as open_rosbag
+from evimo.formats.vicon import SubjectPoses, subject_poses, subject_topics
+from evimo.geometry.rotations import inverse_poses, matrices_of_angles, poses_of
+from evimo.recordings.dataset_cameras import RENDERED, camera_of
+from evimo.recordings.dataset_maps import NoMaps
+from evimo.recordings.datasets import DatasetParts
+from evimo.recordings.paths import Paths, paths_of
+from evimo.recordings.pose_words import V1_FROM_CAM, in_own_axes
+
+F8 = NDArray[np.float64]
+RIG, OBJECTS = "/vicon/DVS346", {1: "/vicon/Object_1", 2: "/vicon/Object_2", 3: "/vicon/Object_3"}
+FRAME_US, FIRST_US = 25_000, 200_000  # of the dataset's own frames
+COPY = "copy the whole folder of the recording from the dataset"
+
+
+def open_bag(path: Path) -> tuple[DatasetParts, Paths]:
+    """Read the poses of a bag of EV-IMO's first version; its instants are every 25 ms from 0.2 s on.
+
+    Raises:
+        BadFile: a file beside it is missing or damaged, or the bag holds no poses of the camera.
+    """
+    bag = open_rosbag(path)
+    if RIG not in subject_topics(bag):
+        held = ", ".join(topic.name for topic in topics(bag))
+        raise BadFile(f"{path} holds no poses of the camera ({RIG}), only {held[:200]}", fix="a bag of EV-IMO")
+    lens = _numbers(path.with_name("calib.txt"), 0, 8)
+    extrinsics = path.with_name("extrinsics.txt")
+    x, y, z, *angles = _numbers(extrinsics, 0, 6)
+    offset_us = round(_numbers(extrinsics, 2, 1)[0] * 1e6)
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
+    events = open_events(path)
+    camera = camera_of(dict(zip(names, lens, strict=True)), events.sensor, RENDERED, str(path.with_name("calib.txt")))
+    rig_from_cam = poses_of(np.array([x, y, z]), matrices_of_angles(np.array(angles)))
+    origin_us = _first_message_us(bag) - events.start_us - offset_us
+    rig, objects = _tracked(bag, path, origin_us)
+    paths = _paths(rig, objects, rig_from_cam)
+    times = np.arange(events.start_us + FIRST_US, events.stop_us, FRAME_US, dtype=np.int64)
+    exact = paths.motions(times)
+    known = np.isfinite(exact["ego"]).all(axis=1)
+    if not known.any():
+        raise BadFile(f"{path}: no pose of the camera is of the events' time", fix=COPY)
+    cut = {name: values if name == "object_ids" else values[known] for name, values in exact.items()}
+    return DatasetParts(path, NoMaps(camera.size), np.flatnonzero(known), camera, cut), paths
+
+
+def _first_message_us(bag: Rosbag1) -> int:
+    """When the recorder received the first message with events: the dataset's program calls that moment the first
+    event's.
+    """
+    found = topics(bag, ARRAYS)
+    return next(iter(bag.messages(found[0].connections))).time_ns // 1000
+
+
+def _tracked(bag: Rosbag1, path: Path, origin_us: int) -> tuple[SubjectPoses, dict[int, SubjectPoses]]:
+    """The rig, and the objects that config.txt enables, in the events' clock."""
+    config = path.with_name("config.txt")
+    if not config.exists():
+        raise BadFile(f"{path.parent} lacks config.txt", fix=COPY)
+    enabled = [word == "true" for word in config.read_text(errors="replace").lower().split()]
+    objects: dict[int, SubjectPoses] = {}
+    for key, topic in OBJECTS.items():
+        if enabled[key - 1 : key] == [True]:
+            try:
+                objects[key] = subject_poses(bag, topic)
+            except NotFound as error:
+                raise BadFile(f"{config} enables object {key}, of which the bag has no poses", fix=COPY) from error
+    shifted = {key: _at(poses, origin_us) for key, poses in objects.items()}
+    return _at(subject_poses(bag, RIG), origin_us), shifted
+
+
+def _at(poses: SubjectPoses, origin_us: int) -> SubjectPoses:
+    return SubjectPoses(poses.stamps_us - origin_us, poses.world_from_body, poses.occluded)
+
+
+def _paths(rig: SubjectPoses, objects: dict[int, SubjectPoses], rig_from_cam: F8) -> Paths:
+    """Splines in this package's axes; occluded samples of objects are not known, those of the camera are kept."""
+    times = np.unique(rig.stamps_us)
+    world_from_cam = rig.world_from_body @ rig_from_cam
+    own, _ = in_own_axes(world_from_cam, {})
+    base = paths_of(rig.stamps_us, own, {})
+    at_times = base.camera.at(times)
+    world_from_cam = np.where(at_times.valid[:, None, None], at_times.world_from_body, np.nan)
+    placed: dict[int, F8] = {}
+    for key, poses in objects.items():
+        seen = ~poses.occluded
+        path = paths_of(poses.stamps_us[seen], V1_FROM_CAM.T @ poses.world_from_body[seen], {}).camera.at(times)
+        world_from_object = np.where(path.valid[:, None, None], path.world_from_body, np.nan)
+        placed[key] = inverse_poses(world_from_cam) @ world_from_object
+    return paths_of(times, world_from_cam, placed)
+
+
+def _numbers(path: Path, line: int, least: int) -> list[float]:
+    """The numbers of one line of a text file.
+
+    Raises:
+        BadFile: there is no such file or line, or too few numbers in it.
+    """
+    if not path.exists():
+        raise BadFile(f"{path.parent} lacks {path.name}", fix=COPY)
+    lines = path.read_text(errors="replace").splitlines()
+    try:
+        numbers = [float(word) for word in lines[line].split()]
+    except (IndexError, ValueError):
+        numbers = []
+    if len(numbers) < least or not np.isfinite(numbers).all():
+        raise BadFile(f"{path}, line {line + 1}: {least} numbers should be here", fix=COPY)
+    return numbers[:least]
