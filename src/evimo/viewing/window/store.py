@@ -21,6 +21,7 @@ TIME, SLICE = "time", "slice"
 """The time lines: the recording's own clock, and the numbers of its slices of 25 ms."""
 
 FLUSH = 20  # slices, after which everything must be on disk: bounds memory, and a full disk is heard of
+PROBE = 1 << 16
 LATEST_US = 9_000_000_000_000_000  # Rerun counts ns in 64 bits
 
 
@@ -31,6 +32,7 @@ def installed_rerun() -> Any:
         MissingExtra: it is not installed.
     """
     check_installed("the window", "rerun", extra="view")
+    os.environ.setdefault("RUST_LOG", "off")  # what it says of a full disk, we say in one line
     return import_module("rerun")
 
 
@@ -105,8 +107,17 @@ class Store:
             yield
         except RuntimeError as error:
             told = re.search(r"os error (\d+)", str(error))
-            number = int(told[1]) if told else errno.EIO
+            number = int(told[1]) if told else self._refusal()
             raise OSError(number, os.strerror(number), str(self._path)) from error
+
+    def _refusal(self) -> int:
+        """Why the disk takes no more, where Rerun has told its log alone: it is asked to take a little."""
+        try:
+            with self._path.open("ab", buffering=0) as file:
+                file.write(bytes(PROBE))
+        except OSError as error:
+            return error.errno or errno.EIO
+        return errno.EIO
 
 
 @contextmanager
