@@ -83,6 +83,16 @@ def save_weights(path: Path) -> None:
     save_tensors({"weight": torch.rand(100, 100)}, path)
 
 
+def save_window(path: Path) -> None:
+    pytest.importorskip("rerun", reason="needs rerun-sdk: pip install 'evimo[view]'")
+    from evimo.viewing.window.store import new_store
+
+    with new_store(path, name="noise", fix="another disk") as store:
+        for k in range(50):
+            store.log("noise", store.rr.Image(np.roll(NOISE, 7 * k, axis=1)), t_us=25_000 * k)
+            store.finished_slice()
+
+
 WRITERS: dict[str, Callable[[Path], object]] = {
     "recording": lambda path: record(path, RecordingWriter),
     "recording.npz": lambda path: record(path, Evimo1Writer),
@@ -91,6 +101,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "report.json": lambda path: Report(settings={"model": "small" * 2000}).save(path),
     "picture.png": lambda path: save_picture(NOISE, path),
     "video.mp4": film,
+    "window.rrd": save_window,
     "weights.safetensors": save_weights,
     "text.md": lambda path: save_text("text" * 2000, path),
 }

@@ -32,5 +32,5 @@ def test_evaluate_takes_the_files_of_both_datasets(data, tmp_path, capsys):
 
 def test_view_shows_a_datasets_truth(data, tmp_path):
     video = tmp_path / "a.mp4"
-    assert main(["view", str(data / "train" / "box" / "npz" / "seq_00.npz"), "--out", str(video)]) == 0
+    assert main(["view", str(data / "train" / "box" / "npz" / "seq_00.npz"), "--save", str(video)]) == 0
     assert video.stat().st_size > 1000

@@ -35,7 +35,7 @@ class Inputs:
         ours, film, model = map(str, (self.recording, self.simulated, self.network))
         each = {
             "run": [ours, "--model", model, "--out", str(out)],
-            "view": [ours, "--out", str(out / "film.mp4")],
+            "view": [ours, "--save", str(out / "film.mp4")],
             "simulate": ["--minutes", "0.005", "--seconds", "0.1", "--size", "64x48", "--set", "1", "--out", str(out)],
             "train": [film, "--preset", "tiny", "--steps", "2", "--batch", "1", "--out", str(out)],
             "evaluate": [film, "--model", model, "--out", str(out)],

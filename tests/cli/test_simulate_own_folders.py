@@ -34,7 +34,7 @@ def test_a_folder_of_meshes_from_simulating_to_viewing(things, tmp_path, capsys)
 
     assert main(["simulate", *TINY, "--out", str(out)]) == 2
     assert "made with textures of sha256" in capsys.readouterr().err
-    view = ["view", str(out / "set5_000000"), "--out", str(tmp_path / "v.mp4")]
+    view = ["view", str(out / "set5_000000"), "--save", str(tmp_path / "v.mp4")]
     assert main(view) == 0
     assert "warning" not in capsys.readouterr().err
     (things / "tent.obj").write_text(TENT.replace("v 4", "v 5"))

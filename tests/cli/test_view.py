@@ -53,7 +53,7 @@ def film(tmp_path: Path) -> Path:
 
 def test_truth_becomes_a_video_of_every_slice(film, tmp_path, capsys):
     out = tmp_path / "new" / "v.mp4"
-    frames = seen(main(["view", str(film), "--no-picture", "--out", str(out)]), out)
+    frames = seen(main(["view", str(film), "--no-picture", "--save", str(out)]), out)
     assert len(frames) == 8
     assert length_s(out) == pytest.approx(0.8, rel=0.02)  # four times slower
     assert all(np.abs(one.astype(int) - other).max() > 50 for one, other in pairwise(frames))
@@ -69,14 +69,14 @@ def test_a_file_in_the_layout_of_ev_imo_looks_as_a_folder_does(tmp_path):
     shown = []
     for path in (tmp_path / "evimo1" / "set3_000006.npz", tmp_path / "evimo2" / "set3_000006"):
         out = tmp_path / f"{path.parent.name}.mp4"
-        shown.append(seen(main(["view", str(path), "--out", str(out)]), out))
+        shown.append(seen(main(["view", str(path), "--save", str(out)]), out))
     assert len(shown[0]) == 2
     np.testing.assert_array_equal(*shown)
 
 
 def test_a_recording_that_cannot_be_made_again_has_no_pictures(film, tmp_path, capsys):
-    code = main(["view", str(film), "--out", str(tmp_path / "v.mp4")])
-    plain = main(["view", str(film), "--no-picture", "--out", str(tmp_path / "w.mp4")])
+    code = main(["view", str(film), "--save", str(tmp_path / "v.mp4")])
+    plain = main(["view", str(film), "--no-picture", "--save", str(tmp_path / "w.mp4")])
     assert seen(code, tmp_path / "v.mp4")[0].shape == seen(plain, tmp_path / "w.mp4")[0].shape
     warned = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
     assert len(warned) == 1 and "cannot be rendered again" in warned[0]
@@ -84,15 +84,15 @@ def test_a_recording_that_cannot_be_made_again_has_no_pictures(film, tmp_path, c
 
 def test_start_stop_and_speed(film, tmp_path):
     out = tmp_path / "v.mp4"
-    part = ["--no-picture", "--start", "0.05", "--stop", "0.15", "--out", str(out)]
+    part = ["--no-picture", "--start", "0.05", "--stop", "0.15", "--save", str(out)]
     assert len(seen(main(["view", str(film), *part]), out)) == 4
     assert len(seen(main(["view", str(film), *part, "--speed", "3"]), out)) == 2  # of 120 per second every second
     assert length_s(out) == pytest.approx(0.1 / 3, rel=0.1)
 
 
-def test_a_recording_without_truth_shows_its_events(recording, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    frames = seen(main(["view", str(recording), "--sensor", "32x24"]), tmp_path / "out" / "square.mp4")
+def test_a_recording_without_truth_shows_its_events(recording, tmp_path):
+    out = tmp_path / "square.mp4"
+    frames = seen(main(["view", str(recording), "--sensor", "32x24", "--save", str(out)]), out)
     assert len(frames) == 20
     red, _, blue = np.moveaxis(frames[0].astype(int), -1, 0)
     assert np.count_nonzero(red - blue > 60) > 1000  # all its events are ON
@@ -101,15 +101,19 @@ def test_a_recording_without_truth_shows_its_events(recording, tmp_path, monkeyp
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (["nowhere"], "nowhere"),
-        (["FILM", "--out", "v.avi"], "v.avi is no name of a video"),
-        (["FILM", "--out", "FILM"], "is no name of a video"),
-        (["FILM", "--speed", "0"], "a video 0 times as fast"),
-        (["FILM", "--start", "7"], "no part of a recording of"),
-        (["FILM", "--stop", "0.01"], "no complete slice"),
-        (["FILM", "--out", "TEXT/v.mp4"], "cannot write"),
-        (["TEXT", "--sensor", "large"], "'large' is not a sensor size"),
-        (["DAMAGED"], "lacks dataset_sim.npz"),
+        (["nowhere", "--save", "v.mp4"], "nowhere"),
+        (["FILM", "--save", "v.avi"], "v.avi is no name of a Rerun file or of a video"),
+        (["FILM", "--save", "FILM"], "is no name of a Rerun file or of a video"),
+        (["FILM", "--save", "v.mp4", "--web"], "--web and --save at once"),
+        (["FILM", "--speed", "0"], "to play 0 times as fast"),
+        (["FILM", "--save", "v.mp4", "--start", "7"], "no part of a recording of"),
+        (["FILM", "--save", "v.mp4", "--stop", "0.01"], "no complete slice"),
+        (["FILM", "--save", "TEXT/v.mp4"], "cannot write"),
+        (["TEXT", "--save", "v.mp4", "--sensor", "large"], "'large' is not a sensor size"),
+        (["DAMAGED", "--save", "v.mp4"], "lacks dataset_sim.npz"),
+        (["FILM", "--save", "v.mp4", "--recording", "TEXT"], "is of a run"),
+        (["RUN", "--save", "v.mp4"], "is of a run"),
+        (["w.rrd", "--save", "v.mp4"], "is a Rerun file"),
     ],
 )
 def test_bad_input_is_one_clear_error(film, recording, tmp_path, monkeypatch, capsys, arguments, problem):
@@ -118,7 +122,10 @@ def test_bad_input_is_one_clear_error(film, recording, tmp_path, monkeypatch, ca
     damaged.mkdir()
     (damaged / "dataset_clutter.npz").touch()
     (damaged / "dataset_info.json").write_text((film / "dataset_info.json").read_text())
-    names = {"FILM": str(film), "TEXT": str(recording), "DAMAGED": str(damaged)}
+    run = film.with_name("run")
+    run.mkdir()
+    (run / "summary.json").write_text("{}")
+    names = {"FILM": str(film), "TEXT": str(recording), "DAMAGED": str(damaged), "RUN": str(run)}
     before = sorted(tmp_path.rglob("*"))
     words = [word.replace("TEXT", names["TEXT"]) if "TEXT" in word else names.get(word, word) for word in arguments]
     assert main(["view", *words]) == 2
@@ -135,7 +142,7 @@ def test_bad_input_is_one_clear_error(film, recording, tmp_path, monkeypatch, ca
 
 def test_ctrl_c_leaves_a_complete_shorter_video(long_recording, tmp_path):
     out = tmp_path / "out" / "v.mp4"
-    command = [sys.executable, "-m", "evimo.cli", "view", str(long_recording), "--sensor", "32x24", "--out", str(out)]
+    command = [sys.executable, "-m", "evimo.cli", "view", str(long_recording), "--sensor", "32x24", "--save", str(out)]
     running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
     while not any(file.stat().st_size for file in out.parent.glob(f"{MARKER}*/v.mp4")) and time.monotonic() < deadline:

@@ -22,7 +22,7 @@ COMMANDS = {
     "check": "Look for defects in a recording.",
     "convert": "Write recordings with truth in another layout.",
     "download": "Fetch EV-IMO, and go on where it stopped.",
-    "view": "Show a recording as a video, with its truth where that is known.",
+    "view": "Look at a recording, run or capture: in a window, a browser or a video.",
     "simulate": "Make recordings with exact truth.",
     "annotate": "Make the truth of a capture from motion capture and scans.",
     "train": "Train a model on recordings with truth.",
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def command() -> object:
         with _warnings_in_one_line(), announced(_say):
             function, bound, _ = _parsed(arguments)
-            out.append(bound.arguments.get("out"))
+            out.append(bound.arguments.get("out") or bound.arguments.get("save"))
             return function(*bound.args, **bound.kwargs)
 
     return outcome(command, place=lambda: out[0] if out else None)

@@ -48,15 +48,24 @@ def span_of(events: EventFile, *, start_s: float = 0.0, stop_s: float | None = N
     Raises:
         BadInput: the span holds no complete slice.
     """
-    length_s = (events.stop_us - events.start_us) / 1e6
+    return span_between(events.start_us, events.stop_us, start_s=start_s, stop_s=stop_s)
+
+
+def span_between(begin_us: int, end_us: int, *, start_s: float = 0.0, stop_s: float | None = None) -> Span:
+    """The same of anything that lasts from one time to another.
+
+    Raises:
+        BadInput: as `span_of`.
+    """
+    length_s = (end_us - begin_us) / 1e6
     until_s = length_s if stop_s is None else stop_s
     if not (math.isfinite(start_s) and math.isfinite(until_s)) or not 0 <= start_s < min(until_s, length_s):
         raise BadInput(
             f"from {start_s:g} s to {until_s:g} s is no part of a recording of {length_s:.3f} s",
             fix=f"0 <= start < stop <= {length_s:.3f}, in seconds after the first event",
         )
-    stop_us = min(events.start_us + round(until_s * 1e6), events.stop_us)
-    first, last = (events.start_us + round(start_s * 1e6)) // SLICE_US, stop_us // SLICE_US
+    stop_us = min(begin_us + round(until_s * 1e6), end_us)
+    first, last = (begin_us + round(start_s * 1e6)) // SLICE_US, stop_us // SLICE_US
     if first >= last:
         raise BadInput(
             f"no complete slice of {SLICE_US / 1e3:g} ms between {start_s:g} s and {until_s:g} s",
@@ -65,6 +74,6 @@ def span_of(events: EventFile, *, start_s: float = 0.0, stop_s: float | None = N
     return Span(
         first=first,
         last=last,
-        read_start_us=max(events.start_us, (first - CONTEXT) * SLICE_US),
-        read_stop_us=min(events.stop_us, (last + CONTEXT) * SLICE_US),
+        read_start_us=max(begin_us, (first - CONTEXT) * SLICE_US),
+        read_stop_us=min(end_us, (last + CONTEXT) * SLICE_US),
     )

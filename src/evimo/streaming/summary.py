@@ -41,6 +41,7 @@ def summary(run: Run, course: Course, *, settings: dict[str, Any], warnings: Seq
         "settings": settings,
         "recording": {
             "name": events.path.name,
+            "path": str(events.path.resolve()),
             "format": events.format,
             "sensor": {"height": events.sensor[0], "width": events.sensor[1]},
             "start_us": events.start_us,

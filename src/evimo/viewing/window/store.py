@@ -1,0 +1,139 @@
+"""A Rerun file that is being written: the only place that knows how Rerun is called and how it fails."""
+
+import errno
+import os
+import re
+from collections.abc import Generator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evimo.errors import BadInput, check_installed
+from evimo.events.slices import SLICE_US
+from evimo.writing import new_file
+
+APPLICATION = "evimo"
+TIME, SLICE = "time", "slice"
+"""The time lines: the recording's own clock, and the numbers of its slices of 25 ms."""
+
+FLUSH = 20  # slices, after which everything must be on disk: bounds memory, and a full disk is heard of
+PROBE = 1 << 16
+LATEST_US = 9_000_000_000_000_000  # Rerun counts ns in 64 bits
+
+
+def installed_rerun() -> Any:
+    """The module `rerun`, imported when it is first needed.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    check_installed("the window", "rerun", extra="view")
+    os.environ.setdefault("RUST_LOG", "off")  # what it says of a full disk, we say in one line
+    return import_module("rerun")
+
+
+class Store:
+    """Takes what a window shows, at times in µs of the recording's own clock; made by `new_store`.
+
+    rr: the module `rerun`, whose archetypes are logged.
+    """
+
+    def __init__(self, path: Path, *, name: str) -> None:
+        self.rr, self._path, self._slices = installed_rerun(), path, 0
+        self._stream: Any = self.rr.RecordingStream(APPLICATION, recording_id=name)
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_tick_enabled(False)
+        with self._disk():
+            self._stream.save(path)
+        self._stream.send_recording_name(name)
+
+    def arrange(self, blueprint: Any) -> None:
+        """Say which views there are, and where."""
+        self._stream.send_blueprint(blueprint)
+
+    def log(self, entity: str, *parts: Any, t_us: int) -> None:
+        """Log archetypes at a time."""
+        if abs(t_us) > LATEST_US:
+            raise BadInput(
+                f"a window cannot show the time {t_us} µs", fix="a recording whose clock is not broken, or a video"
+            )
+        self._stream.set_time(TIME, duration=np.timedelta64(t_us, "us"))
+        self._stream.set_time(SLICE, sequence=t_us // SLICE_US)
+        self._stream.log(entity, *parts, strict=True)
+
+    def log_always(self, entity: str, *parts: Any) -> None:
+        """Log archetypes that hold at all times."""
+        self._stream.log(entity, *parts, static=True, strict=True)
+
+    def log_columns(self, entity: str, columns: Any, *, times_us: NDArray[np.int64]) -> None:
+        """Log one value for each of many times at once."""
+        if not len(times_us):
+            return
+        lines = [
+            self.rr.TimeColumn(TIME, duration=times_us.astype("timedelta64[us]")),
+            self.rr.TimeColumn(SLICE, sequence=times_us // SLICE_US),
+        ]
+        self._stream.send_columns(entity, lines, columns, strict=True)
+
+    def finished_slice(self) -> None:
+        """Called after each slice.
+
+        Raises:
+            OSError: the disk is full, or cannot be written any more.
+        """
+        self._slices += 1
+        if self._slices % FLUSH == 0:
+            with self._disk():
+                self._stream.flush()
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            OSError: as `finished_slice`.
+        """
+        with self._disk():
+            self._stream.flush()
+            self._stream.disconnect()
+
+    @contextmanager
+    def _disk(self) -> Generator[None]:
+        """Turn what Rerun says of a disk into what Python says of it."""
+        try:
+            yield
+        except RuntimeError as error:
+            told = re.search(r"os error (\d+)", str(error))
+            number = int(told[1]) if told else self._refusal()
+            raise OSError(number, os.strerror(number), str(self._path)) from error
+
+    def _refusal(self) -> int:
+        """Why the disk takes no more, where Rerun has told its log alone: it is asked to take a little."""
+        try:
+            with self._path.open("ab", buffering=0) as file:
+                file.write(bytes(PROBE))
+        except OSError as error:
+            return error.errno or errno.EIO
+        return errno.EIO
+
+
+@contextmanager
+def new_store(path: Path, *, name: str, fix: str) -> Generator[Store]:
+    """A Rerun file that appears under its name when the `with` ends without an error, and else not at all.
+
+    Args:
+        path: of the file, .rrd.
+        name: of the recording, as the window tells it.
+        fix: of the error that a disk causes.
+
+    Raises:
+        MissingExtra: Rerun is not installed. BadInput: the file cannot be written, or the disk is full.
+    """
+    installed_rerun()
+    with new_file(path, fix=fix) as unfinished:
+        store = Store(unfinished, name=name)
+        yield store
+        store.close()
