@@ -70,7 +70,7 @@ class CapturedTruth:
     @cached_property
     def _instants(self) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
         """The middles of all slices at which the camera was tracked."""
-        return np.concatenate([self._annotation.times(part) for part in range(self._annotation.parts)])
+        return np.concatenate([self._annotation.times(part) for part in self._annotation.frames])
 
     def poses(self, start_us: int, stop_us: int) -> "PoseTrack":
         """Where the camera and the objects were."""
