@@ -1,6 +1,6 @@
 """The whole of EV-IMO in one go: capture the six sets, make their truth from motion capture, train on it, and score.
 
-python examples/whole_paper.py OUT [--minutes 0.5] [--size 346x260] [--steps 300] [--seed 0]
+python examples/whole_paper.py OUT [--minutes 0.5] [--size 346x260] [--steps 1000] [--seed 0]
 
 The paper filmed toys in a room full of motion capture cameras. Here the simulator stands for room, sensor and motion
 capture: it leaves captures as a laboratory would, and knows exactly what annotation should make of them.
@@ -44,18 +44,20 @@ ERRORS = MocapErrors(offset_us=12_345)  # 200 Hz, 0.2 mm and 0.5 mrad of noise, 
 SCORES = tuple(BY_NAME[name] for name in ("iou", "event_iou", "flow", "camera_aee", "camera_rre", "abs_rel"))
 
 
-def whole_paper(out: Path, *, minutes: float = 0.5, size: str = "346x260", steps: int = 300, seed: int = 0) -> None:
+def whole_paper(out: Path, *, minutes: float = 0.5, size: str = "346x260", steps: int = 1000, seed: int = 0) -> None:
     """Capture, annotate, compare, train and score.
 
     Args:
         out: folder to make.
-        minutes: of recording in all; each of the twelve recordings has at least two slices of 25 ms.
+        minutes: of recording in all, an hour at most; each of the twelve recordings has two slices of 25 ms or more.
         size: of the pictures, px.
         steps: of training, 8 samples each.
         seed: of the scenes and of the first weights.
     """
     if out.exists():
         raise BadInput(f"{out} is there already", fix="another folder: all is made anew, and timed")
+    if not 0 < minutes <= 60:  # of longer captures annotation makes several recordings
+        raise BadInput(f"{minutes:g} minutes of recording", fix="--minutes 0.5")
     slices = max(2, round(minutes * 60 / len(SESSIONS) / SLICE_S))
     took: dict[str, float] = {}
     with timed("simulate and capture", took), progress(len(SESSIONS), "captures") as advance:
@@ -70,7 +72,7 @@ def whole_paper(out: Path, *, minutes: float = 0.5, size: str = "346x260", steps
                 room=room,
                 population="replica",
             )
-            folder = out / "captures" / part / f"set{set_number}_{room}_{number:02d}"
+            folder = out / "captures" / part / f"{number:02d}_set{set_number}_{room}"
             capture_virtually(simulate_recording(plan), folder, ERRORS)
             advance()
     with timed("annotate", took), progress(len(SESSIONS), "captures") as advance:
@@ -91,8 +93,8 @@ def whole_paper(out: Path, *, minutes: float = 0.5, size: str = "346x260", steps
 
 
 def captures(out: Path) -> list[Path]:
-    """The folders of all captures."""
-    return sorted((out / "captures").glob("*/*"))
+    """The folders of all captures, in the order in which they were made."""
+    return sorted((out / "captures").glob("*/*"), key=lambda folder: folder.name)
 
 
 def truth(out: Path, capture: Path) -> Path:
@@ -126,7 +128,7 @@ def show(head: list[str], rows: list[list[str]]) -> None:
     table = Table(*head, box=SIMPLE)
     for row in rows:
         table.add_row(*row)
-    Console(width=100).print(table)
+    Console(width=120).print(table)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ def test_the_whole_paper_is_done_from_captures_to_scores(tmp_path: Path):
     command = [sys.executable, str(WHOLE_PAPER), str(tmp_path / "paper"), *small]
     ran = subprocess.run(command, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
-    annotated = re.findall(r"(train|test), set(\d)_\w+ +(\d) of (\d) +(\S+) +(\S+)% +(\S+)%", ran.stdout)
+    annotated = re.findall(r"(train|test), \d\d_set(\d)_\w+ +(\d) of (\d) +(\S+) +(\S+)% +(\S+)%", ran.stdout)
     assert sorted({int(each[1]) for each in annotated}) == [1, 2, 3, 4, 5, 6]
     assert len(annotated) == 12
     for _, _, made, exact, iou, _, near in annotated:
