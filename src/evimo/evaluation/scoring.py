@@ -48,8 +48,8 @@ class Labeller:
         events had to be sorted or dropped, no id is known.
         """
         events, ids = self.recording.events, self.recording.event_ids
-        begin_us, first = min(start_us, events.start_us), 0
-        for part in in_slices(events.packets(begin_us), start_us=begin_us, stop_us=events.stop_us + SLICE_US):
+        begin_us, end_us, first = min(start_us, events.start_us), -(-events.stop_us // SLICE_US) * SLICE_US, 0
+        for part in in_slices(events.packets(begin_us), start_us=begin_us, stop_us=end_us):
             last = first + len(part.events)
             orderly = not (events.faults.out_of_order or events.faults.dropped)
             if part.stop_us > start_us:
