@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from evimo.events.events import Events, joined
 from evimo.events.slices import SLICE_US
 from evimo.formats.event_file import EventFile
 from evimo.geometry.camera import Camera
+from evimo.jobs.crew import cores
 from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.facts import own_version
 from evimo.recordings.truth import Truth
@@ -86,19 +88,23 @@ def instants_of(text: str) -> Instants:
 class Annotation:
     """A capture and what is to be made of it.
 
-    layout: `evimo2`, a folder, or `evimo1`, an .npz. threads: that draw.
+    layout: `evimo2`, a folder, or `evimo1`, an .npz. threads: that draw; None for one on each core that there is.
     """
 
     capture: Capture
     instants: Instants
     layout: str = "evimo2"
-    threads: int = 2
+    threads: int | None = None
 
     def __post_init__(self) -> None:
         if self.layout not in LAYOUTS:
             raise BadInput(f"no layout {self.layout!r}", fix=f"one of {', '.join(LAYOUTS)}")
-        if self.threads < 1:
+        if self.threads is not None and self.threads < 1:
             raise BadInput(f"{self.threads} threads", fix="1 or more")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How it goes to another process, which opens the files and loads the scans itself."""
+        return Annotation, (self.capture, self.instants, self.layout, self.threads)
 
     @cached_property
     def events(self) -> EventFile:
@@ -166,7 +172,7 @@ class Annotation:
         A part of several at none of whose instants the camera was tracked is left out, with a warning.
 
         Raises:
-            BadInput: the camera was tracked at none of the instants of the only part, or it cannot be written.
+            NotFound: the camera was tracked at none of the instants of the only part. BadInput: it cannot be written.
         """
         times_us = self.times(part)
         if not len(times_us):
@@ -176,7 +182,7 @@ class Annotation:
                 warnings.warn(f"{problem}, which is left out", EvimoWarning, stacklevel=2)
                 return
             fix = "`offset_us` in `mocap` brings the clock of motion capture to that of the events"
-            raise BadInput(problem, fix=fix)
+            raise NotFound(problem, fix=fix)
         borders = np.append((times_us[1:] + times_us[:-1]) // 2, self.span(part)[1])
         cut = events_until(self.events.packets(*self.span(part)), borders)
         with self._writer(self.path(out, part)) as writer:
@@ -187,7 +193,7 @@ class Annotation:
     def truths(self, times_us: I8) -> Iterator[Truth]:
         """Everything at times (F,) at which the camera was tracked, drawn by several threads, a few ahead."""
         lens, scene = lens_tables(self.camera), self.scene
-        with ThreadPoolExecutor(self.threads) as pool:
+        with ThreadPoolExecutor(self.threads or cores()) as pool:
             for first in range(0, len(times_us), AT_ONCE):
                 placed = scene.at(times_us[first : first + AT_ONCE])
                 draw = partial(_truth, scene, lens, placed)
