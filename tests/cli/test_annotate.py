@@ -92,6 +92,19 @@ def test_a_broken_capture_costs_its_own_recordings(desk, tmp_path, capsys, monke
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["desk_000000", "desk_000001"]
 
 
+def test_what_was_made_otherwise_is_not_taken_for_what_is_asked(desk, tmp_path, capsys):
+    command = ["annotate", str(desk), "--out", str(tmp_path / "out"), "--rate"]
+    (tmp_path / "times").write_text("50000")
+    assert main([*command, str(tmp_path / "times")]) == 0
+    assert main([*command, "40"]) == 2
+    assert "desk_000000 is there already, made with times 1 of sha256" in capsys.readouterr().err
+    assert main([*command, str(tmp_path / "times")]) == 0
+    settings = desk / "capture.yaml"
+    settings.write_text(settings.read_text().replace("id: 3", "id: 4"))
+    assert main([*command, str(tmp_path / "times")]) == 2
+    assert "made with other settings of its capture\n  try: another --out" in capsys.readouterr().err
+
+
 def test_captures_of_one_name_are_refused(desk, tmp_path, capsys):
     other = save_desk(tmp_path / "other" / "desk")
     assert main(["annotate", str(desk), str(other), "--out", str(tmp_path / "out")]) == 2

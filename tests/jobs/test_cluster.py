@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-
 from tests.captures.desk import save_desk
 from tests.recordings.dataset_files import v1_npz
 

@@ -148,11 +148,13 @@ def contents(folder):
 
 
 def test_a_recording_that_does_not_fit_costs_itself_only_and_two_of_one_name_are_refused(tmp_path, capsys):
-    bag, good = v1_bag(tmp_path / "a_bag"), v1_npz(tmp_path / "seq_01.npz")
-    assert main(["convert", str(bag), str(good), "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert "a_bag" in said and "has no maps of truth\n  try: " in said
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["seq_01"]
+    with RecordingWriter(tmp_path / "still", CAMERA) as writer:
+        writer.write(events(0, 25_000), truth(12_500))
+    still, good = tmp_path / "still", v1_npz(tmp_path / "seq_01.npz")
+    command = ["convert", str(still), str(good), "--layout", "evimo1", "--out"]
+    assert main([*command, str(tmp_path / "out")]) == 2
+    assert f"error: {still} holds no poses" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["seq_01.npz"]
     other = v1_npz(tmp_path / "other" / "seq_01.npz")
     assert main(["convert", str(good), str(other), "--out", str(tmp_path / "both")]) == 2
     assert f"{good} and {other} would both be written to" in capsys.readouterr().err

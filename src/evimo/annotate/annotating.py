@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from evimo.annotate.annotation import Annotation
+from evimo.errors import BadInput
 from evimo.jobs.crew import ALONE, Crew
 from evimo.jobs.finishing import finished
+from evimo.recordings.facts import facts_of
 
 
 class Part(NamedTuple):
@@ -43,14 +45,26 @@ def annotate_captures(
 
     Raises:
         NotFound, BadFile: a file of a capture is missing or damaged, or its camera was never tracked; comes after all
-            other recordings. BadInput: a capture is not calibrated yet, or `out` cannot be written.
+            other recordings. BadInput: a capture is not calibrated yet, a recording that is there was made at other
+            times or with other settings, or `out` cannot be written.
     """
+    annotations = list(annotations)
+    for annotation in annotations:
+        _check_made_alike(annotation, out)
     missing = [Part(annotation, number) for annotation in annotations for number in annotation.missing(out)]
     work = partial(write_part, out, told=progress if crew.is_alone else None)
     for drawn in finished(work, missing, crew=crew, shared=out, name=_folder):
         if not crew.is_alone:
             progress(drawn.frames)
         yield drawn
+
+
+def _check_made_alike(annotation: Annotation, out: Path) -> None:
+    for path in (annotation.path(out, part) for part in annotation.frames):
+        if path.exists() and (made := facts_of(path).get("made_from")) != annotation.made_from:
+            wanted, was = annotation.made_from["times"], made["times"] if isinstance(made, dict) else "unknown ones"
+            other = "other settings of its capture" if was == wanted else f"times {was} instead of {wanted}"
+            raise BadInput(f"{path} is there already, made with {other}", fix="another --out, or remove it")
 
 
 def write_part(out: Path, part: Part, *, told: Callable[[int], object] | None = None) -> DrawnPart:

@@ -1,11 +1,13 @@
 """Captures to recordings with truth: events as they are, depth, objects and motion drawn at the times asked for."""
 
+import json
 import math
 import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property, partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,12 @@ class Instants:
     def __post_init__(self) -> None:
         if not 0 < self.rate <= MOST_HZ:
             raise BadInput(f"a rate of {self.rate} per second", fix="40, 200, or a text with a time in µs per line")
+
+    def told(self) -> str:
+        """Which times these are, in a few words."""
+        if self.listed_us is None:
+            return f"{self.rate:g} per second"
+        return f"{len(self.listed_us)} of sha256 {_sum_of(self.listed_us)}"
 
     def between(self, start_us: int, stop_us: int) -> I8:
         """The times with start <= t < stop."""
@@ -155,6 +163,11 @@ class Annotation:
         """That of the capture's folder."""
         return self.capture.path.resolve().parent.name
 
+    @cached_property
+    def made_from(self) -> dict[str, str]:
+        """What else its recordings follow from than the files: the times, and a sum of all settings of the capture."""
+        return {"times": self.instants.told(), "settings": _sum_of(asdict(self.capture))}
+
     def missing(self, out: Path) -> list[int]:
         """The parts that are not there yet."""
         return [part for part in self.frames if not self.path(out, part).exists()]
@@ -202,10 +215,17 @@ class Annotation:
     def _writer(self, path: Path) -> RecordingWriter | Evimo1Writer:
         writer = Evimo1Writer if self.layout == "evimo1" else RecordingWriter
         facts = {"version": own_version(), "made_by": "evimo annotate", "capture": self.name, "objects": self._names()}
+        facts["made_from"] = self.made_from
         return writer(path, self.camera, facts=facts, poses=self.scene.poses)
 
     def _names(self) -> dict[str, int]:
         return {each.name: each.id for each in self.capture.objects}
+
+
+def _sum_of(settings: object) -> str:
+    """A short sum of numbers, words, arrays and the names of files, wherever these lie."""
+    words = json.dumps(settings, default=lambda each: each.name if isinstance(each, Path) else each.tolist())
+    return sha256(words.encode()).hexdigest()[:12]
 
 
 def _truth(scene: TrackedScene, lens: object, placed: Placed, k: int) -> Truth:
