@@ -214,8 +214,8 @@ class Annotation:
 
     def _writer(self, path: Path) -> RecordingWriter | Evimo1Writer:
         writer = Evimo1Writer if self.layout == "evimo1" else RecordingWriter
-        facts = {"version": own_version(), "made_by": "evimo annotate", "capture": self.name, "objects": self._names()}
-        facts["made_from"] = self.made_from
+        facts: dict[str, Any] = {"version": own_version(), "made_by": "evimo annotate", "capture": self.name}
+        facts |= {"objects": self._names(), "made_from": self.made_from}
         return writer(path, self.camera, facts=facts, poses=self.scene.poses)
 
     def _names(self) -> dict[str, int]:
