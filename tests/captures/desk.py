@@ -7,12 +7,12 @@ import trimesh
 import yaml
 
 
-def save_desk(folder: Path) -> Path:
+def save_desk(folder: Path, *, points: int = 40_000) -> Path:
     """A still camera before a wall of points 2 m away, and a box that moves to the right at 0.5 m/s 1 m away."""
     folder.mkdir(parents=True)
     trimesh.creation.box((0.2, 0.2, 0.2)).export(folder / "box.ply")
     rng = np.random.default_rng(1)
-    wall = np.concatenate((rng.uniform(-2, 2, (40_000, 2)), np.full((40_000, 1), 2.0)), axis=1)
+    wall = np.concatenate((rng.uniform(-2, 2, (points, 2)), np.full((points, 1), 2.0)), axis=1)
     trimesh.PointCloud(wall).export(folder / "wall.ply")
     t_s = np.arange(0, 0.31, 0.005)
     rows = ["t,body,x,y,z,qx,qy,qz,qw"]

@@ -66,8 +66,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-def test_several_captures_are_the_same_bytes_whoever_draws(desk, tmp_path, capsys):
-    captures = [str(desk), str(save_desk(tmp_path / "table"))]
+def test_several_captures_are_the_same_bytes_whoever_draws(tmp_path, capsys):
+    captures = [str(save_desk(tmp_path / name, points=2000)) for name in ("desk", "table")]
     command = ["annotate", *captures, "--rate", "20", "--out"]
     assert main([*command, str(tmp_path / "alone"), "--threads", "1"]) == 0
     assert main([*command, str(tmp_path / "two"), "--workers", "2"]) == 0

@@ -107,7 +107,7 @@ def test_the_cluster_drops_the_work_of_a_command_that_ends(how, cluster, tmp_pat
 def on_disk(command: str, folder: Path) -> list[str]:
     """Two recordings, or captures, for a command, and how it is asked for its quickest work."""
     if command == "annotate":
-        captures = [save_desk(folder / name) for name in ("desk", "table")]
+        captures = [save_desk(folder / name, points=2000) for name in ("desk", "table")]
         return [command, *map(str, captures), "--rate", "20"]
     if command == "convert":
         return [command, *(str(v1_npz(folder / f"seq_0{k}.npz")) for k in range(2)), "--layout", "hdf5"]
