@@ -54,7 +54,7 @@ class Inputs:
         each = {
             "info": [str(self.recording)],
             "run": [str(self.recording), "--model", self.model, *short, "--out", str(out)],
-            "view": [str(self.recording), *short, "--out", str(out / "film.mp4")],
+            "view": [str(self.recording), *short, "--save", str(out / "film.mp4")],
             "evaluate": [*used, "--model", self.model, "--out", str(out)],
             "evaluate --truth": [str(self.masks), "--truth", films[0], "--out", str(out)],
             "realism": [str(self.recording), "--simulated", str(self.simulated), "--out", str(out)],

@@ -108,7 +108,7 @@ def test_a_clock_that_is_wrong_is_said_and_nothing_is_left_behind(captured, tmp_
     )  # fmt: skip
     (tmp_path / "calibration.yaml").write_text(text.replace(str(OFFSET_US), "99000000"))
     annotation = Annotation(open_capture(tmp_path), Instants())
-    with pytest.raises(BadInput, match=r"no pose of the camera from 0 to .*\n.*offset_us"):
+    with pytest.raises(NotFound, match=r"no pose of the camera from 0 to .*\n.*offset_us"):
         list(annotation.write(tmp_path / "out", 0))
     assert not (tmp_path / "out").exists()
     (tmp_path / "calibration.yaml").write_text("{}")

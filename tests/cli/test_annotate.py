@@ -1,11 +1,11 @@
 """`evimo annotate` as users call it: a capture becomes recordings, once, and mistakes are two lines."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
-import yaml
+from tests.captures.desk import save_desk
 
 from evimo.cli import main
 from evimo.recordings.recording import open_recording
@@ -13,30 +13,7 @@ from evimo.recordings.recording import open_recording
 
 @pytest.fixture
 def desk(tmp_path: Path) -> Path:
-    """A still camera before a wall of points 2 m away, and a box that moves to the right at 0.5 m/s 1 m away."""
-    folder = tmp_path / "desk"
-    folder.mkdir()
-    trimesh.creation.box((0.2, 0.2, 0.2)).export(folder / "box.ply")
-    rng = np.random.default_rng(1)
-    wall = np.concatenate((rng.uniform(-2, 2, (40_000, 2)), np.full((40_000, 1), 2.0)), axis=1)
-    trimesh.PointCloud(wall).export(folder / "wall.ply")
-    t_s = np.arange(0, 0.31, 0.005)
-    rows = ["t,body,x,y,z,qx,qy,qz,qw"]
-    rows += [f"{t:.3f},Rig,0,0,0,0,0,0,1" for t in t_s] + [f"{t:.3f},Box,{0.5 * t:.6f},0,1.1,0,0,0,1" for t in t_s]
-    (folder / "mocap.csv").write_text("\n".join(rows))
-    lines = (f"{k * 100} {k % 64} {k % 48} {k % 2}" for k in range(2000))
-    (folder / "events.txt").write_text("\n".join(lines))
-    still = {"position": [0, 0, 0], "quaternion": [0, 0, 0, 1]}
-    lens = {"fx": 60, "fy": 60, "cx": 31.5, "cy": 23.5, "height": 48, "width": 64}
-    settings = {
-        "recording": {"file": "events.txt", "sensor": "64x48", "time_unit": "us"},
-        "mocap": {"files": ["mocap.csv"]},
-        "camera": {"body": "Rig", "intrinsics": lens, "body_from_cam": still},
-        "objects": {"box": {"id": 3, "body": "Box", "scan": "box.ply", "body_from_scan": still}},
-        "room": {"scan": "wall.ply"},
-    }
-    (folder / "capture.yaml").write_text(yaml.safe_dump(settings))
-    return folder
+    return save_desk(tmp_path / "desk")
 
 
 def test_a_capture_becomes_a_recording_once(desk, tmp_path, capsys):
@@ -82,6 +59,56 @@ def test_a_part_in_which_the_camera_is_lost_is_left_out(desk, tmp_path, capsys, 
     said = capsys.readouterr()
     assert "1 recordings in" in said.out and "no pose of the camera from 75000 to 150000" in said.err
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["desk_000000"]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
+
+
+@pytest.mark.slow
+def test_several_captures_are_the_same_bytes_whoever_draws(tmp_path, capsys):
+    captures = [str(save_desk(tmp_path / name, points=2000)) for name in ("desk", "table")]
+    command = ["annotate", *captures, "--rate", "20", "--out"]
+    assert main([*command, str(tmp_path / "alone"), "--threads", "1"]) == 0
+    assert main([*command, str(tmp_path / "two"), "--workers", "2"]) == 0
+    assert capsys.readouterr().out.count("2 recordings in") == 2
+    made = contents(tmp_path / "two")
+    assert made == contents(tmp_path / "alone")
+    assert {name.partition("/")[0] for name in made} == {"desk_000000", "table_000000"}
+    shutil.rmtree(tmp_path / "two" / "desk_000000")
+    assert main([*command, str(tmp_path / "two"), "--workers", "2"]) == 0
+    assert "1 of them made now" in capsys.readouterr().out
+    assert contents(tmp_path / "two") == made
+
+
+def test_a_broken_capture_costs_its_own_recordings(desk, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("evimo.annotate.annotation.PART_US", 100_000)
+    broken = save_desk(tmp_path / "broken")
+    (broken / "mocap.csv").write_text("t,body,x,y,z,qx,qy,qz,qw\n0,Rig,0,0,one,0,0,0,1")
+    assert main(["annotate", str(broken), str(desk), "--out", str(tmp_path / "out")]) == 2
+    error, fix = capsys.readouterr().err.splitlines()[-2:]
+    assert error.startswith("error: 2 of 4 failed: ") and fix.startswith("  try: ")
+    assert error.count("mocap.csv, line 2") == 1  # said once, though it fails both of its recordings
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["desk_000000", "desk_000001"]
+
+
+def test_what_was_made_otherwise_is_not_taken_for_what_is_asked(desk, tmp_path, capsys):
+    command = ["annotate", str(desk), "--out", str(tmp_path / "out"), "--rate"]
+    (tmp_path / "times").write_text("50000")
+    assert main([*command, str(tmp_path / "times")]) == 0
+    assert main([*command, "40"]) == 2
+    assert "desk_000000 is there already, made with times 1 of sha256" in capsys.readouterr().err
+    assert main([*command, str(tmp_path / "times")]) == 0
+    settings = desk / "capture.yaml"
+    settings.write_text(settings.read_text().replace("id: 3", "id: 4"))
+    assert main([*command, str(tmp_path / "times")]) == 2
+    assert "made with other settings of its capture\n  try: another --out" in capsys.readouterr().err
+
+
+def test_captures_of_one_name_are_refused(desk, tmp_path, capsys):
+    other = save_desk(tmp_path / "other" / "desk")
+    assert main(["annotate", str(desk), str(other), "--out", str(tmp_path / "out")]) == 2
+    assert f"{desk} and {other} would both be written to {tmp_path / 'out' / 'desk'}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """Recordings made on a Dask cluster of two processes, which are killed, lose their command, or are not fit for it."""
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -10,6 +12,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from tests.captures.desk import save_desk
+from tests.recordings.dataset_files import v1_npz
 
 from evimo.cli import main
 from evimo.errors import BadInput, EvimoError, NotFound
@@ -98,6 +102,36 @@ def test_the_cluster_drops_the_work_of_a_command_that_ends(how, cluster, tmp_pat
     assert within_s(20, lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids))
     left = {path.name for path in tmp_path.iterdir()} - {"pid0", "pid1"}
     assert len(left) == (how == "KILL")  # the folder by which it lived; the next one that writes there removes it
+
+
+def on_disk(command: str, folder: Path) -> list[str]:
+    """Two recordings, or captures, for a command, and how it is asked for its quickest work."""
+    if command == "annotate":
+        captures = [save_desk(folder / name, points=2000) for name in ("desk", "table")]
+        return [command, *map(str, captures), "--rate", "20"]
+    if command == "convert":
+        return [command, *(str(v1_npz(folder / f"seq_0{k}.npz")) for k in range(2)), "--layout", "hdf5"]
+    rows = "\n".join(f"{30 * k} {k % 32} {k % 24} {k % 2}" for k in range(5000))
+    for name in ("one", "other"):
+        (folder / f"{name}.txt").write_text(rows)
+    texts = [str(folder / f"{name}.txt") for name in ("one", "other")]
+    return [command, *texts, "--model", "classical", "--sensor", "32x24", "--no-video", "--no-dense"]
+
+
+@pytest.mark.parametrize("command", ["annotate", "convert", "run"])
+def test_the_cluster_makes_what_one_process_makes(command, cluster, tmp_path, capsys):
+    (tmp_path / "in").mkdir()
+    asked, together = on_disk(command, tmp_path / "in"), tmp_path / "together"
+    assert main([*asked, "--out", str(tmp_path / "alone")]) == 0
+    assert main([*asked, "--out", str(together), "--dask", cluster.scheduler]) == 0
+    made, alone = contents(together), contents(tmp_path / "alone")
+    for name in [name for name in alone if name.endswith("summary.json")]:  # which says when, how fast and where
+        assert json.loads(made.pop(name))["slices"] == json.loads(alone.pop(name))["slices"]
+    assert made == alone and len(made) >= 2 and len(list(together.iterdir())) == 2
+    capsys.readouterr()
+    assert main([*asked, "--out", str(together), "--dask", cluster.scheduler]) == 0
+    assert re.search(r"\b0 of (them|2)", capsys.readouterr().out)
+    assert contents(together).items() >= made.items()
 
 
 def test_a_worker_that_is_killed_costs_nothing(cluster, tmp_path):

@@ -1,6 +1,8 @@
 """A recording written in every layout and read back says the same."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from tests.recordings.dataset_files import v1_bag, v1_npz, v2_folder
 from tests.recordings.known_scene import CAMERA, events, poses, truth
 
 from evimo.cli import main
-from evimo.errors import BadInput
+from evimo.errors import BadFile
 from evimo.events.events import joined
 from evimo.recordings.converting import convert_recording
 from evimo.recordings.layouts import layout_of
@@ -97,11 +99,11 @@ def test_a_dataset_comes_back_from_every_layout(tmp_path, layout, made):
 
 
 def test_what_a_layout_cannot_hold_is_refused(tmp_path):
-    with pytest.raises(BadInput, match="no maps of truth"):
+    with pytest.raises(BadFile, match="no maps of truth"):
         convert_recording(open_recording(v1_bag(tmp_path / "bag")), tmp_path / "new", "evimo2")
     with RecordingWriter(tmp_path / "still", CAMERA) as writer:
         writer.write(events(0, 25_000), truth(12_500))
-    with pytest.raises(BadInput, match="no poses"):
+    with pytest.raises(BadFile, match="no poses"):
         convert_recording(open_recording(tmp_path / "still"), tmp_path / "new.npz", "evimo1")
     assert not (tmp_path / "new.npz").exists()
 
@@ -124,6 +126,38 @@ def test_the_command_keeps_folders_and_makes_only_what_is_missing(tmp_path, caps
     assert one.exists() and two.stat().st_mtime_ns == before
     assert main([*command[:-1], str(tmp_path / "some"), "--split", "paper2019"]) == 0
     assert len(list((tmp_path / "some").rglob("*.h5"))) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layout", SUFFIX)
+def test_the_bytes_are_the_same_whoever_converts(simulated, tmp_path, layout, capsys):
+    for name in ("a", "b"):
+        shutil.copytree(simulated, tmp_path / "in" / name)
+    command = ["convert", str(tmp_path / "in"), "--layout", layout, "--out"]
+    assert main([*command, str(tmp_path / "alone")]) == 0
+    assert main([*command, str(tmp_path / "two"), "--workers", "2"]) == 0
+    assert capsys.readouterr().out.count("2 of 2 recordings written") == 2
+    made, alone = contents(tmp_path / "two"), contents(tmp_path / "alone")
+    assert made == alone and {Path(name).parts[0] for name in made} == {f"{name}{SUFFIX[layout]}" for name in "ab"}
+    assert main([*command, str(tmp_path / "two"), "--workers", "2"]) == 0
+    assert "0 of 2 recordings written" in capsys.readouterr().out
+
+
+def contents(folder):
+    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
+
+
+def test_a_recording_that_does_not_fit_costs_itself_only_and_two_of_one_name_are_refused(tmp_path, capsys):
+    with RecordingWriter(tmp_path / "still", CAMERA) as writer:
+        writer.write(events(0, 25_000), truth(12_500))
+    still, good = tmp_path / "still", v1_npz(tmp_path / "seq_01.npz")
+    command = ["convert", str(still), str(good), "--layout", "evimo1", "--out"]
+    assert main([*command, str(tmp_path / "out")]) == 2
+    assert f"error: {still} holds no poses" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["seq_01.npz"]
+    other = v1_npz(tmp_path / "other" / "seq_01.npz")
+    assert main(["convert", str(good), str(other), "--out", str(tmp_path / "both")]) == 2
+    assert f"{good} and {other} would both be written to" in capsys.readouterr().err
 
 
 def test_unknown_poses_are_left_out_of_the_words(tmp_path):

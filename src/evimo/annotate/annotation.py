@@ -1,12 +1,15 @@
 """Captures to recordings with truth: events as they are, depth, objects and motion drawn at the times asked for."""
 
+import json
 import math
 import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property, partial
+from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +23,7 @@ from evimo.events.events import Events, joined
 from evimo.events.slices import SLICE_US
 from evimo.formats.event_file import EventFile
 from evimo.geometry.camera import Camera
+from evimo.jobs.crew import cores
 from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.facts import own_version
 from evimo.recordings.truth import Truth
@@ -47,6 +51,12 @@ class Instants:
     def __post_init__(self) -> None:
         if not 0 < self.rate <= MOST_HZ:
             raise BadInput(f"a rate of {self.rate} per second", fix="40, 200, or a text with a time in µs per line")
+
+    def told(self) -> str:
+        """Which times these are, in a few words."""
+        if self.listed_us is None:
+            return f"{self.rate:g} per second"
+        return f"{len(self.listed_us)} of sha256 {_sum_of(self.listed_us)}"
 
     def between(self, start_us: int, stop_us: int) -> I8:
         """The times with start <= t < stop."""
@@ -86,19 +96,23 @@ def instants_of(text: str) -> Instants:
 class Annotation:
     """A capture and what is to be made of it.
 
-    layout: `evimo2`, a folder, or `evimo1`, an .npz. threads: that draw.
+    layout: `evimo2`, a folder, or `evimo1`, an .npz. threads: that draw; None for one on each core that there is.
     """
 
     capture: Capture
     instants: Instants
     layout: str = "evimo2"
-    threads: int = 2
+    threads: int | None = None
 
     def __post_init__(self) -> None:
         if self.layout not in LAYOUTS:
             raise BadInput(f"no layout {self.layout!r}", fix=f"one of {', '.join(LAYOUTS)}")
-        if self.threads < 1:
+        if self.threads is not None and self.threads < 1:
             raise BadInput(f"{self.threads} threads", fix="1 or more")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How it goes to another process, which opens the files and loads the scans itself."""
+        return Annotation, (self.capture, self.instants, self.layout, self.threads)
 
     @cached_property
     def events(self) -> EventFile:
@@ -149,6 +163,11 @@ class Annotation:
         """That of the capture's folder."""
         return self.capture.path.resolve().parent.name
 
+    @cached_property
+    def made_from(self) -> dict[str, str]:
+        """What else its recordings follow from than the files: the times, and a sum of all settings of the capture."""
+        return {"times": self.instants.told(), "settings": _sum_of(asdict(self.capture))}
+
     def missing(self, out: Path) -> list[int]:
         """The parts that are not there yet."""
         return [part for part in self.frames if not self.path(out, part).exists()]
@@ -166,7 +185,7 @@ class Annotation:
         A part of several at none of whose instants the camera was tracked is left out, with a warning.
 
         Raises:
-            BadInput: the camera was tracked at none of the instants of the only part, or it cannot be written.
+            NotFound: the camera was tracked at none of the instants of the only part. BadInput: it cannot be written.
         """
         times_us = self.times(part)
         if not len(times_us):
@@ -176,7 +195,7 @@ class Annotation:
                 warnings.warn(f"{problem}, which is left out", EvimoWarning, stacklevel=2)
                 return
             fix = "`offset_us` in `mocap` brings the clock of motion capture to that of the events"
-            raise BadInput(problem, fix=fix)
+            raise NotFound(problem, fix=fix)
         borders = np.append((times_us[1:] + times_us[:-1]) // 2, self.span(part)[1])
         cut = events_until(self.events.packets(*self.span(part)), borders)
         with self._writer(self.path(out, part)) as writer:
@@ -187,7 +206,7 @@ class Annotation:
     def truths(self, times_us: I8) -> Iterator[Truth]:
         """Everything at times (F,) at which the camera was tracked, drawn by several threads, a few ahead."""
         lens, scene = lens_tables(self.camera), self.scene
-        with ThreadPoolExecutor(self.threads) as pool:
+        with ThreadPoolExecutor(self.threads or cores()) as pool:
             for first in range(0, len(times_us), AT_ONCE):
                 placed = scene.at(times_us[first : first + AT_ONCE])
                 draw = partial(_truth, scene, lens, placed)
@@ -195,11 +214,18 @@ class Annotation:
 
     def _writer(self, path: Path) -> RecordingWriter | Evimo1Writer:
         writer = Evimo1Writer if self.layout == "evimo1" else RecordingWriter
-        facts = {"version": own_version(), "made_by": "evimo annotate", "capture": self.name, "objects": self._names()}
+        facts: dict[str, Any] = {"version": own_version(), "made_by": "evimo annotate", "capture": self.name}
+        facts |= {"objects": self._names(), "made_from": self.made_from}
         return writer(path, self.camera, facts=facts, poses=self.scene.poses)
 
     def _names(self) -> dict[str, int]:
         return {each.name: each.id for each in self.capture.objects}
+
+
+def _sum_of(settings: object) -> str:
+    """A short sum of numbers, words, arrays and the names of files, wherever these lie."""
+    words = json.dumps(settings, default=lambda each: each.name if isinstance(each, Path) else each.tolist())
+    return sha256(words.encode()).hexdigest()[:12]
 
 
 def _truth(scene: TrackedScene, lens: object, placed: Placed, k: int) -> Truth:

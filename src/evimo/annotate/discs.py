@@ -1,4 +1,4 @@
-"""Point clouds as small discs that lie in the scanned surface and leave no holes between them, finer and coarser."""
+"""Point clouds as small discs that lie in the scanned surface and meet where points lie evenly, finer and coarser."""
 
 from typing import NamedTuple
 
@@ -56,7 +56,7 @@ def discs_of(points: F8) -> Discs:
     """A disc for each point, in the plane through its neighbours.
 
     It is as wide as the point's cell, of all that is nearer to it than to any neighbour (Voronoi's), so that discs
-    together leave no hole, and overlap no more than they must.
+    together leave no hole, and overlap no more than they must; but `WIDEST` keeps points on their own small.
     """
     count = min(NEIGHBOURS, len(points))
     tree = KDTree(points)

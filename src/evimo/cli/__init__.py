@@ -46,7 +46,7 @@ def app(wanted: str = "") -> App:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code: 0; 2 for what the user can change; 1 for a bug; 128 + n after signal n.
+    """Run one command and return its exit code: 0; one of cli/exit_codes.py; 128 + n after signal n.
 
     Args:
         arguments: as after the program's name; None takes those of the process.

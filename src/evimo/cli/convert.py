@@ -1,13 +1,23 @@
 """`evimo convert`: recordings with truth from one layout to another."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 from evimo.cli.progress import progress
+from evimo.cli.several import check_apart
+from evimo.jobs.crew import ALONE, Crew
 from evimo.writing import make_folder
 
 
-def convert(*paths: Path, layout: Literal["evimo1", "evimo2", "hdf5"] = "evimo2", out: Path, split: str = "") -> None:
+def convert(
+    *paths: Path,
+    layout: Literal["evimo1", "evimo2", "hdf5"] = "evimo2",
+    out: Path,
+    split: str = "",
+    crew: Annotated[Crew, Parameter(name="*")] = ALONE,
+) -> None:
     """Write recordings of EV-IMO, EVIMO2 or `evimo simulate` in another layout, without pickles.
 
     evimo convert /data/EV-IMO/eval --layout hdf5 --out /data/evimo_h5
@@ -20,25 +30,23 @@ def convert(*paths: Path, layout: Literal["evimo1", "evimo2", "hdf5"] = "evimo2"
             each in compressed chunks.
         out: folder for the new ones.
         split: only recordings of a published split, both of its parts, such as `paper2019`.
+        crew: who converts; each a whole recording.
     """
-    from evimo.recordings.converting import SUFFIXES, convert_recording
+    crew.check()
+    from evimo.recordings.converting import SUFFIXES, convert_recordings
     from evimo.recordings.finding import recordings_in
-    from evimo.recordings.recording import open_recording
 
     make_folder(out)
     found = recordings_in(paths)
     if split:
         found = sorted({path for part in ("train", "test") for path in _part(found, split, part)})
     targets = {path: _target(path, paths, out, SUFFIXES[layout]) for path in found}
-    missing = [path for path in found if not targets[path].exists()]
+    check_apart(targets)
+    there = sum(target.exists() for target in targets.values())
     with progress(len(found), "recordings") as advance:
-        advance(len(found) - len(missing), made=False)
-        for path in missing:
-            recording = open_recording(path)
-            size = max(1, len(recording))
-            convert_recording(recording, targets[path], layout, progress=lambda share=1 / size: advance(share))
-    there = f"; {len(found) - len(missing)} were there" if len(missing) < len(found) else ""
-    print(f"{len(missing)} of {len(found)} recordings written in {out}{there}")
+        advance(there, made=False)
+        written = sum(1 for _ in convert_recordings(targets, layout, out, crew=crew, progress=advance))
+    print(f"{written} of {len(found)} recordings written in {out}{f'; {there} were there' if there else ''}")
 
 
 def _part(found: list[Path], split: str, part: Literal["train", "test"]) -> list[Path]:

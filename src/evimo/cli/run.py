@@ -80,7 +80,7 @@ def run(
         imu=imu,
         video_speed=video_speed if video else None,
     )
-    if more or crew != ALONE:
+    if more or not crew.is_alone:
         return _run_all(asked, (recording, *more), out, crew)
     return _run_alone(asked, recording, out or _default_folder(recording))
 

@@ -1,4 +1,4 @@
-"""`evimo run` over several recordings: a folder for each, and what is finished is not done again."""
+"""Commands over several recordings: each has a place of its own, and what is finished is not done again."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -44,11 +44,21 @@ def folders_of(recordings: Sequence[Path], out: Path) -> dict[Path, Path]:
     if max(Counter(names).values()) > 1:
         above = Path(commonpath([path.parent for path in whole]))
         names = [path.relative_to(above).with_suffix("") for path in whole]
-    for name, count in Counter(names).items():
+    folders = {recording: out / name for recording, name in zip(recordings, names, strict=True)}
+    check_apart(folders)
+    return folders
+
+
+def check_apart(targets: dict[Path, Path]) -> None:
+    """Make sure that no two of several inputs would be written to the same place.
+
+    Raises:
+        BadInput: they would.
+    """
+    for target, count in Counter(targets.values()).items():
         if count > 1:
-            same = [str(path) for path, other in zip(recordings, names, strict=True) if other == name]
-            raise BadInput(f"{' and '.join(same)} would both be written to {out / name}", fix="one run for each")
-    return {recording: out / name for recording, name in zip(recordings, names, strict=True)}
+            same = [str(path) for path, other in targets.items() if other == target]
+            raise BadInput(f"{' and '.join(same)} would both be written to {target}", fix="another --out for each")
 
 
 def _run_one(asked: Asked, identity: dict[str, str], pair: tuple[Path, Path]) -> None:

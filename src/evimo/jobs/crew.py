@@ -19,6 +19,11 @@ class Crew:
     workers: int = 1
     dask: str | None = None
 
+    @property
+    def is_alone(self) -> bool:
+        """Whether this process does all the work itself, and so can tell of every step."""
+        return self.workers == 1 and self.dask is None
+
     def check(self) -> None:
         """Make sure that there may be somebody to do the work.
 

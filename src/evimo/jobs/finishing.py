@@ -74,7 +74,7 @@ def _outcomes(
     work: Callable[[Job], Any], jobs: Sequence[Job], crew: Crew, shared: Path
 ) -> Generator[tuple[Job, Outcome]]:
     """Each job with what came of it, as they finish."""
-    if crew.dask is None and crew.workers == 1:
+    if crew.is_alone:
         yield from ((job, outcome_of(work, job)) for job in jobs)
         return
     if not jobs:
@@ -118,6 +118,6 @@ def _together(failures: Sequence[EvimoError], count: int) -> EvimoError:
     """One error of several."""
     if len(failures) == 1:
         return failures[0]
-    told = [failure.problem for failure in failures[:SAID]]
-    told += [f"and {len(failures) - SAID} more"] if len(failures) > SAID else []
+    problems = list(dict.fromkeys(failure.problem for failure in failures))  # jobs may read the same broken file
+    told = problems[:SAID] + ([f"and {len(problems) - SAID} more"] if len(problems) > SAID else [])
     return EvimoError(f"{len(failures)} of {count} failed: {'; '.join(told)}", fix=failures[0].fix)

@@ -1,24 +1,67 @@
 """A recording with truth written again in another layout, in constant memory."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadInput
+from evimo.errors import BadFile
 from evimo.events.events import Events, joined, no_events
+from evimo.jobs.crew import ALONE, Crew
+from evimo.jobs.finishing import finished
 from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.facts import own_version
 from evimo.recordings.hdf5_writer import Hdf5Writer
 from evimo.recordings.pose_track import PoseTrack
-from evimo.recordings.recording import Recording
+from evimo.recordings.recording import Recording, open_recording
 from evimo.recordings.writer import RecordingWriter
 
 Target = Literal["evimo1", "evimo2", "hdf5"]
 WRITERS: dict[Target, Callable[..., Any]] = {"evimo1": Evimo1Writer, "evimo2": RecordingWriter, "hdf5": Hdf5Writer}
 SUFFIXES = {"evimo1": ".npz", "evimo2": "", "hdf5": ".h5"}
+
+
+def convert_recordings(
+    targets: Mapping[Path, Path],
+    layout: Target,
+    out: Path,
+    *,
+    crew: Crew = ALONE,
+    progress: Callable[[float], object] = lambda share: None,
+) -> Iterator[Path]:
+    """Write the recordings that do not exist yet in a layout, and yield the path of each when it is complete.
+
+    Args:
+        targets: where each recording goes.
+        layout: as for `convert_recording`.
+        out: folder that the targets are in.
+        crew: who converts; each a whole recording.
+        progress: is called with the share of a recording that is done: after each instant where this process works,
+            else after each recording.
+
+    Raises:
+        NotFound, BadFile: a recording is damaged, or does not fit the layout; comes after all others.
+        BadInput: it cannot be written.
+    """
+    missing = [pair for pair in targets.items() if not pair[1].exists()]
+    work = partial(_convert, layout, progress if crew.is_alone else None)
+    for path in finished(work, missing, crew=crew, shared=out, name=lambda pair: pair[0]):
+        if not crew.is_alone:
+            progress(1)
+        yield path
+
+
+def _convert(layout: Target, told: Callable[[float], object] | None, pair: tuple[Path, Path]) -> Path:
+    """One of them, unless it is there."""
+    path, target = pair
+    if not target.exists():
+        recording = open_recording(path)
+        share = 1 / max(1, len(recording))
+        convert_recording(recording, target, layout, progress=lambda: told and told(share))
+    return target
 
 
 def convert_recording(
@@ -36,15 +79,15 @@ def convert_recording(
         progress: is called after each instant of truth.
 
     Raises:
-        BadInput: the layout cannot hold the recording, or it cannot be written. BadFile: the recording is damaged.
+        BadFile: the recording is damaged, or the layout cannot hold it. BadInput: it cannot be written.
     """
     if not len(recording) or recording.meta.get("layout") == "EV-IMO bag":
-        raise BadInput(f"{recording.path} has no maps of truth", fix="`evimo annotate` makes them of a bag and scans")
+        raise BadFile(f"{recording.path} has no maps of truth", fix="`evimo annotate` makes them of a bag and scans")
     poses = _poses(recording)
     facts = {"converted_from": recording.path.name, "version": own_version(), **recording.meta}
     facts = {key: value for key, value in facts.items() if key not in ("camera", "format")}
     if poses is None and layout == "evimo1":
-        raise BadInput(f"{recording.path} holds no poses, which the layout evimo1 needs", fix="evimo2 or hdf5")
+        raise BadFile(f"{recording.path} holds no poses, which the layout evimo1 needs", fix="evimo2 or hdf5")
     writer = WRITERS[layout](path, recording.camera, poses=poses, facts=facts, imu=recording.imu)
     with writer:
         for k, (events, ids) in enumerate(_pieces(recording)):
