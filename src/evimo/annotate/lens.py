@@ -12,6 +12,7 @@ F8 = NDArray[np.float64]
 
 SEGMENT_PX = 8.0  # of a straight line in space, whose image is looked at
 SAFETY = 1.5
+LANES = 8  # pixels that are asked at once, some of them beyond the last
 
 
 class LensTables(NamedTuple):
@@ -21,10 +22,11 @@ class LensTables(NamedTuple):
     singles:   the same in single precision.
     fisheye:   which of the two.
     rays:      (H, W, 2) of each pixel on Z = 1; nan where the lens has none.
+    ray_x, ray_y: (H * W + LANES) the same, one after the other, and nan beyond.
     bounds:    (4) least and greatest x and y of them.
     farthest2: square of the radius on Z = 1 beyond which nothing is in the image.
     stretch:   greatest ratio of sizes in the image to the distance from the middle, both against a pinhole.
-    bulge:     how far the image of a straight line of length L px leaves its chord, over L², 1/px.
+    bulge:     how far the middle of a line of length L px is from that of its image's ends, over L², 1/px.
     columns:   (2, W) least and greatest x in each column. rows: (2, H) of y in each row.
     """
 
@@ -32,6 +34,8 @@ class LensTables(NamedTuple):
     singles: tuple[np.float32, ...]
     fisheye: bool
     rays: F4
+    ray_x: F4
+    ray_y: F4
     bounds: F8
     farthest2: float
     stretch: float
@@ -55,6 +59,7 @@ def lens_tables(camera: Camera) -> LensTables:
         tuple(numbers.astype(np.float32)),
         camera.lens == "fisheye",
         rays.astype(np.float32),
+        *(np.append(values, np.full(LANES, np.nan)).astype(np.float32) for values in (x, y)),
         bounds,
         farthest**2,
         _stretch(camera, rays),
@@ -94,7 +99,6 @@ def _bulge(camera: Camera, rays: F8) -> float:
         start, stop, middle = (camera.project(at + k * half) for k in (-1.0, 1.0, 0.0))
         way = stop - start
         length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
-        offset = middle - start
-        away = np.abs(way[:, 0] * offset[:, 1] - way[:, 1] * offset[:, 0]) / length
-        worst = max(worst, float((away / length**2).max()))
+        offset = middle - (start + stop) / 2
+        worst = max(worst, float((np.linalg.norm(offset, axis=1) / length**2).max()))
     return SAFETY * worst + 1e-6
