@@ -12,7 +12,7 @@ F8 = NDArray[np.float64]
 
 SEGMENT_PX = 8.0  # of a straight line in space, whose image is looked at
 SAFETY = 1.5
-LANES = 8  # pixels that are asked at once, some of them beyond the last
+LANES = 16  # pixels that are asked at once, some of them beyond the last
 
 
 class LensTables(NamedTuple):
