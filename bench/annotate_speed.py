@@ -1,7 +1,7 @@
 """How fast `evimo annotate` is, and how much memory it takes: EV-IMO's three scans in a room of a million points.
 
     python bench/annotate_speed.py ../shared/data --frames 400
-    python bench/annotate_speed.py ../shared/data --frames 12000 --minutes 60  # the first five minutes of an hour, whole
+    python bench/annotate_speed.py ../shared/data --frames 12000 --minutes 60  # a whole part of an hour
 
 The camera is EV-IMO's (346x260); it and the objects wander before the wall. Poses come at 200 Hz.
 """

@@ -9,7 +9,6 @@ from evimo.scene.rays.compiling import compiler
 NEAR = 0.01  # m; what is nearer to the camera is not drawn
 
 _compiled = compiler(Path(__file__).parent, ("culling",))
-jit = _compiled()
 inlined = _compiled(_nrt=False, forceinline=True)
 
 

@@ -17,14 +17,14 @@ from evimo.scene.rays.compiling import compiler
 LARGE = 48.0  # px: bounds of larger triangles come from tables, as their sides are bent too much
 DEEPER = 0.98  # of a hole's depth: what is not nearer than that is the same surface
 
-_compiled = compiler(Path(__file__).parent, ("zbuffer", "disc_drawing", "culling"))
+_compiled = compiler(Path(__file__).parent, ("zbuffer", "disc_drawing", "culling", "lens", "surfaces"))
 jit = _compiled()
 inlined = _compiled(_nrt=False, forceinline=True)
 
 
 @inlined
 def _bent(x, y, numbers, fisheye):
-    """The pixel of a point of the plane Z = 1, and the ratio of its distances from the middle with and without lens."""
+    """The pixel of a point of the plane Z = 1."""
     fx, fy, cx, cy, k1, k2, k3, p1, p2 = numbers
     squared = x * x + y * y
     if fisheye:
@@ -32,11 +32,11 @@ def _bent(x, y, numbers, fisheye):
         angle = math.atan(radius)
         q = angle * angle
         ratio = angle * (1 + q * (k1 + q * (k2 + q * (k3 + q * p1)))) / radius if radius > 1e-9 else 1.0
-        return fx * x * ratio + cx, fy * y * ratio + cy, ratio
+        return fx * x * ratio + cx, fy * y * ratio + cy
     ratio = 1 + squared * (k1 + squared * (k2 + squared * k3))
     u = x * ratio + 2 * p1 * x * y + p2 * (squared + 2 * x * x)
     v = y * ratio + p1 * (squared + 2 * y * y) + 2 * p2 * x * y
-    return fx * u + cx, fy * v + cy, ratio
+    return fx * u + cx, fy * v + cy
 
 
 @jit
@@ -98,9 +98,9 @@ def _pixels_of(ax, ay, az, bx, by, bz, cx, cy, cz, lens, numbers, height, width)
         x0, y0, x1, y1, x2, y2 = ax / az, ay / az, bx / bz, by / bz, cx / cz, cy / cz
         farthest = max(x0 * x0 + y0 * y0, x1 * x1 + y1 * y1, x2 * x2 + y2 * y2)
         if farthest <= lens.farthest2:
-            u0, v0, _ = _bent(x0, y0, numbers, lens.fisheye)
-            u1, v1, _ = _bent(x1, y1, numbers, lens.fisheye)
-            u2, v2, _ = _bent(x2, y2, numbers, lens.fisheye)
+            u0, v0 = _bent(x0, y0, numbers, lens.fisheye)
+            u1, v1 = _bent(x1, y1, numbers, lens.fisheye)
+            u2, v2 = _bent(x2, y2, numbers, lens.fisheye)
             left, right, top, bottom = min(u0, u1, u2), max(u0, u1, u2), min(v0, v1, v2), max(v0, v1, v2)
             size2 = (right - left) ** 2 + (bottom - top) ** 2
             if size2 < LARGE * LARGE:
