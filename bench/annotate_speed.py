@@ -75,8 +75,8 @@ def write_capture(folder: Path, data: Path, seconds: float, points: int) -> None
     (folder / "capture.yaml").write_text(yaml.safe_dump(settings))
 
 
-def peak_mb() -> float:
-    """The most memory that this process has had, MB."""
+def peak_mib() -> float:
+    """The most memory that this process has had, MiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
@@ -94,11 +94,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_capture(folder, asked.data, max(asked.minutes * 60, asked.frames / 200), asked.points)
-        print(f"written, peak {peak_mb():.0f} MB")
+        print(f"written, peak {peak_mib():.0f} MiB")
         annotation = Annotation(open_capture(folder), Instants(200.0), threads=asked.threads)
         start = time.process_time()
         _, lens = annotation.scene, annotation.camera  # read
-        print(f"poses and scans loaded in {time.process_time() - start:.1f} s of CPU, peak {peak_mb():.0f} MB")
+        print(f"poses and scans loaded in {time.process_time() - start:.1f} s of CPU, peak {peak_mib():.0f} MiB")
         times_us = annotation.times(0)[: asked.frames]
         list(annotation.truths(times_us[:2]))  # compiles
         clocks = time.perf_counter(), time.process_time()
@@ -113,7 +113,7 @@ def main() -> None:
                 break
         wall, cpu = time.perf_counter() - clocks[0], time.process_time() - clocks[1]
         print(f"drawn and written: {written / wall:.0f} frames/s, {1e3 * cpu / written:.2f} ms of CPU per frame")
-        print(f"peak {peak_mb():.0f} MB")
+        print(f"peak {peak_mib():.0f} MiB")
 
 
 if __name__ == "__main__":

@@ -57,13 +57,19 @@ def lens_tables(camera: Camera) -> LensTables:
         tuple(numbers.astype(np.float32)),
         camera.lens == "fisheye",
         rays.astype(np.float32),
-        *(np.append(values, np.full(LANES, np.nan)).astype(np.float32) for values in (x, y)),
+        _flat(x),
+        _flat(y),
         bounds,
         farthest**2,
         _bulge(camera, rays),
         np.stack((_least(x, 0), -_least(-x, 0))),
         np.stack((_least(y, 1), -_least(-y, 1))),
     )
+
+
+def _flat(values: F8) -> F4:
+    """Numbers of all pixels one after the other, and nan beyond, where lanes may reach."""
+    return np.append(values, np.full(LANES, np.nan)).astype(np.float32)
 
 
 def _least(values: F8, axis: int) -> F8:
