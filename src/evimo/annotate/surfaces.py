@@ -13,7 +13,7 @@ F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
 
-CHUNK, BLOCK = 4_096, 256  # discs or triangles: of a chunk, which has levels; of a block, which is in view or not
+CHUNK, BLOCK = 1_024, 256  # discs or triangles: of a chunk, which has levels; of a block, which is in view or not
 
 
 class Surfaces(NamedTuple):
@@ -90,13 +90,15 @@ def surfaces_of(scans: Sequence[Scan]) -> Surfaces:
 
 
 def _add_cloud(rows: _Rows, body: int, scan: Scan) -> None:
-    levels = disc_levels(scan.points)
-    for chunk in _chunks(scan.points):
+    chunks = _chunks(scan.points)
+    chunk_of = np.empty(len(scan.points), np.int32)
+    for number, chunk in enumerate(chunks):
+        chunk_of[chunk] = number
+    levels = [(discs, _groups(chunk_of[index], len(chunks))) for discs, index in disc_levels(scan.points)]
+    for number, chunk in enumerate(chunks):
         first = len(rows.levels)
-        mine = np.zeros(len(scan.points), np.bool_)
-        mine[chunk] = True
-        for discs, index in levels:
-            kept = np.flatnonzero(mine[index])
+        for discs, groups in levels:
+            kept = groups[number]
             if not len(kept):
                 continue
             kept = kept[_curve(discs.centre[kept])]
@@ -108,6 +110,12 @@ def _add_cloud(rows: _Rows, body: int, scan: Scan) -> None:
         rows.chunks.append((body, first, len(rows.levels)))
         rows.chunk_balls.append(_ball(scan.points[chunk], float(rows.discs[-1].radius.max())))
         rows.solid.append(False)
+
+
+def _groups(numbers: NDArray[np.int32], count: int) -> list[I8]:
+    """The places of each of the numbers 0 to count - 1."""
+    order = np.argsort(numbers, kind="stable")
+    return np.split(order, np.searchsorted(numbers[order], np.arange(1, count)))
 
 
 def _add_mesh(rows: _Rows, body: int, scan: Scan) -> None:
