@@ -119,11 +119,22 @@ def _show(capture: "Capture", start: "Calibration", fit: "EdgeFit", moments: Seq
     turned = np.degrees(float(angle_between(made.rig_from_cam, start.rig_from_cam)))
     apart = 1e3 * np.linalg.norm(one.rig_from_cam[:3, 3] - other.rig_from_cam[:3, 3]) / 2
     askew = np.degrees(float(angle_between(one.rig_from_cam, other.rig_from_cam))) / 2
-    print(f"{capture.path}: events on outlines {fit.before:.3f} before, {fit.after:.3f} now (0 to 1)")
-    print(f"  camera moved by {moved:.2f} mm and {turned:.3f} degrees, clock by {made.offset_us:+.0f} us")
+    print(
+        f"{capture.path}: of the events within 8 px of outlines, {100 * fit.before:.1f} % lay on them before, "
+        f"{100 * fit.after:.1f} % do now"
+    )
+    print(
+        f"  camera moved by {moved:.2f} mm and {turned:.3f} degrees, clock by {made.offset_us:+.0f} us, "
+        "in which is how late the pixels are (1 to 3 ms)"
+    )
     print(
         f"  from half of the {len(moments)} moments each: +-{apart:.2f} mm, +-{askew:.3f} degrees, "
         f"+-{abs(one.offset_us - other.offset_us) / 2:.0f} us"
+    )
+    shifts = fit.shifts
+    print(
+        f"  events beside outlines: {shifts.behind:+.2f} px behind in motion, {shifts.dark:+.2f} px towards the dark, "
+        f"{shifts.room:+.2f} (room) and {shifts.body:+.2f} (objects) px outwards; ON {shifts.on_lag_us:+.0f} us late"
     )
 
 
