@@ -1,8 +1,6 @@
 """A Rerun file that is being written: the only place that knows how Rerun is called and how it fails."""
 
-import errno
 import os
-import re
 from collections.abc import Generator
 from contextlib import contextmanager
 from importlib import import_module
@@ -20,8 +18,7 @@ APPLICATION = "evimo"
 TIME, SLICE = "time", "slice"
 """The time lines: the recording's own clock, and the numbers of its slices of 25 ms."""
 
-FLUSH = 20  # slices, after which everything must be on disk: bounds memory, and a full disk is heard of
-PROBE = 1 << 16
+FLUSH = 20  # slices, after which what Rerun has collected is written: bounds memory, and a full disk is heard of
 LATEST_US = 9_000_000_000_000_000  # Rerun counts ns in 64 bits
 
 
@@ -43,12 +40,12 @@ class Store:
     """
 
     def __init__(self, path: Path, *, name: str) -> None:
-        self.rr, self._path, self._slices = installed_rerun(), path, 0
+        self.rr, self._slices = installed_rerun(), 0
         self._stream: Any = self.rr.RecordingStream(APPLICATION, recording_id=name)
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
-        with self._disk():
-            self._stream.save(path)
+        self._collected: Any = self._stream.binary_stream()  # Rerun's own file waits for ever on a full disk
+        self._file = path.open("wb")
         self._stream.send_recording_name(name)
 
     def arrange(self, blueprint: Any) -> None:
@@ -87,8 +84,7 @@ class Store:
         """
         self._slices += 1
         if self._slices % FLUSH == 0:
-            with self._disk():
-                self._stream.flush()
+            self._write()
 
     def close(self) -> None:
         """Finish the file.
@@ -96,28 +92,12 @@ class Store:
         Raises:
             OSError: as `finished_slice`.
         """
-        with self._disk():
-            self._stream.flush()
-            self._stream.disconnect()
+        self._write()
+        self._file.close()
 
-    @contextmanager
-    def _disk(self) -> Generator[None]:
-        """Turn what Rerun says of a disk into what Python says of it."""
-        try:
-            yield
-        except RuntimeError as error:
-            told = re.search(r"os error (\d+)", str(error))
-            number = int(told[1]) if told else self._refusal()
-            raise OSError(number, os.strerror(number), str(self._path)) from error
-
-    def _refusal(self) -> int:
-        """Why the disk takes no more, where Rerun has told its log alone: it is asked to take a little."""
-        try:
-            with self._path.open("ab", buffering=0) as file:
-                file.write(bytes(PROBE))
-        except OSError as error:
-            return error.errno or errno.EIO
-        return errno.EIO
+    def _write(self) -> None:
+        self._file.write(self._collected.read() or b"")
+        self._file.flush()
 
 
 @contextmanager
@@ -135,5 +115,7 @@ def new_store(path: Path, *, name: str, fix: str) -> Generator[Store]:
     installed_rerun()
     with new_file(path, fix=fix) as unfinished:
         store = Store(unfinished, name=name)
-        yield store
-        store.close()
+        try:
+            yield store
+        finally:
+            store.close()
