@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from evimo.calibrating import edges
 from evimo.calibrating.edges import EdgeFit, refine_by_edges
 from evimo.calibrating.fitting import Calibration
 from evimo.calibrating.rigid import angle_between, nudged
@@ -33,7 +34,10 @@ def main() -> None:
     parser.add_argument("recordings", nargs="+", help="seed:set")
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--bandwidth", type=float, help="Hz, of all pixels at white; 0 is infinitely fast")
+    parser.add_argument("--without-shifts", action="store_true", help="as if events lay on outlines")
     given = parser.parse_args()
+    if given.without_shifts:
+        edges.ROUNDS = tuple(replace(each, shifts=False) for each in edges.ROUNDS)
     print("seed set movers Hz | planted deg mm ms | left deg mm ms | halves deg mm ms | on outlines | shifts | s")
     for words in given.recordings:
         seed, number = map(int, words.split(":"))
