@@ -33,7 +33,7 @@ def calibrate(
 
     With a target that the camera and motion capture both see, from nothing. Without one, a capture that is some
     pixels wrong is refined: outlines of its scans, drawn where mocap has them, are aligned with its events.
-    The clock then has in it how late the pixels are, 1 to 3 ms.
+    The clock then has in it how late the pixels are, up to 3 ms.
 
     Args:
         source: a capture; or a folder of images and poses collected together, as EVIMO2's.

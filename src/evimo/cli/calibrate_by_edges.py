@@ -125,7 +125,7 @@ def _show(capture: "Capture", start: "Calibration", fit: "EdgeFit", moments: Seq
     )
     print(
         f"  camera moved by {moved:.2f} mm and {turned:.3f} degrees, clock by {made.offset_us:+.0f} us, "
-        "in which is how late the pixels are (1 to 3 ms)"
+        "in which is how late the pixels are (up to 3 ms)"
     )
     print(
         f"  from half of the {len(moments)} moments each: +-{apart:.2f} mm, +-{askew:.3f} degrees, "
