@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from evimo.geometry.camera import Camera
 
@@ -85,7 +85,7 @@ def straightened(found: OutlinePoints, camera: Camera) -> OutlinePoints:
     """
     if len(found.px) < NEIGHBOURS:
         return found.where(np.zeros(len(found.px), np.bool_))
-    distance, beside = cKDTree(found.px).query(found.px, k=NEIGHBOURS, distance_upper_bound=REACH_PX)
+    distance, beside = KDTree(found.px).query(found.px, k=NEIGHBOURS, distance_upper_bound=REACH_PX)
     near = np.isfinite(distance)
     beside = np.where(near, beside, np.arange(len(found.px))[:, None])
     middle = found.px[beside].mean(axis=1)
