@@ -9,6 +9,7 @@ import pytest
 from evimo.calibrating.contours import Rendered, outline_points, straightened
 from evimo.calibrating.edges import event_density, refine_by_edges
 from evimo.calibrating.fitting import Calibration
+from evimo.calibrating.outline_fit import Shifts
 from evimo.calibrating.rigid import angle_between, inverse, moved, nudged, pose
 from evimo.calibrating.world import Moment, World
 from evimo.errors import BadInput
@@ -162,6 +163,19 @@ def test_events_are_dense_on_a_line_and_even_in_a_crowd():
     assert event_density(line, 1.5)[30, 40] > 0.6
     assert event_density(line, 1.5)[30, 10] < 0.01
     assert event_density(crowd, 1.5)[30, 40] == pytest.approx(1 / 2.25, abs=0.01)
+
+
+def test_a_result_that_lies_on_texture_is_an_error(known, balls, monkeypatch):
+    rng = np.random.default_rng(6)
+    moments = [balls.events(rng, time_us) for time_us in np.linspace(0.3e6, 7.7e6, 12)]
+    world = World(exactly(balls.rig), {BALL: exactly(balls.ball)}, balls.render(known.camera))
+    start = Calibration(
+        camera=known.camera, rig_from_cam=known.rig_from_cam, body_from_target=np.eye(4), offset_us=known.offset_us
+    )
+    on_texture = Shifts(0.0, -0.6, 0.2, 0.3, 0.0)
+    monkeypatch.setattr("evimo.calibrating.edges.fit_outlines", lambda *_: (np.zeros(7), on_texture))
+    with pytest.raises(BadInput, match="texture hides them"):
+        refine_by_edges(start, moments, world)
 
 
 def test_nothing_in_view_is_an_error(known, balls):

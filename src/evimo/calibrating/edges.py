@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from evimo.calibrating.fitting import Calibration
-from evimo.calibrating.outline_fit import Round, Shifts, fit_outlines
+from evimo.calibrating.outline_fit import MOST_SHIFT_PX, Round, Shifts, fit_outlines
 from evimo.calibrating.profiles import Profiles, placed, profiles, stepped
 from evimo.calibrating.rigid import inverse
 from evimo.calibrating.world import Moment, World
@@ -71,7 +71,7 @@ def refine_by_edges(
         advance: called after each of the len(ROUNDS) rounds.
 
     Raises:
-        BadInput: too few outlines are in view while mocap knows where everything is.
+        BadInput: too few outlines are in view while mocap knows where everything is, or texture hides them.
     """
     before = _profiled(start, moments, world, 1.0).share_on_outline
     now = _clock_searched(start, moments, world, search_us)
@@ -81,6 +81,11 @@ def refine_by_edges(
         advance()
     found, last, apart = _profiled(now, moments, world, ROUNDS[-1].stretch), ROUNDS[-1], _apart(now, start)
     step, shifts = fit_outlines(found, last, apart)
+    if shifts.at_limit:
+        raise BadInput(
+            f"events lie {MOST_SHIFT_PX} px or more beside the outlines: texture hides them, or the start is far off",
+            fix="a target, a better first calibration, or a longer recording of plainer things",
+        )
     halves = [stepped(now, fit_outlines(found.where(found.moment % 2 == half), last, apart)[0]) for half in (0, 1)]
     now = stepped(now, step)
     after = _profiled(now, moments, world, 1.0).share_on_outline

@@ -13,6 +13,7 @@ USUAL = np.array((0.003,) * 3 + (0.02,) * 3 + (50_000.0,)) / STEPS  # how wrong 
 HELD = 1e-6  # of that: in rounds that leave the place as it is
 SLOW_PX_S = 8.0  # below, it is not clear which way an outline moves
 USUAL_SHIFT_PX = 0.3  # of events from an outline
+MOST_SHIFT_PX = 0.6  # more is no shift but another edge, of a texture
 USUAL_LAG = 10.0  # STEPS of the clock, between ON and OFF
 SCATTER_PX = 0.7  # of an event about its outline
 ITERATIONS, OVER, ENOUGH = 80, 1.5, 1e-3  # steps are made longer by half: expectation maximisation is slow
@@ -37,6 +38,11 @@ class Shifts:
     behind: float
     dark: float
     on_lag_us: float
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether some shift is as large as is allowed: then it is texture that outlines were laid on."""
+        return max(map(abs, (self.room, self.body, self.behind, self.dark))) >= MOST_SHIFT_PX - 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +84,7 @@ def fit_outlines(found: Profiles, how: Round, apart: F8) -> tuple[F8, Shifts]:
         weighted = rows * (weight / SCATTER_PX**2)[:, None]
         step = np.linalg.solve(weighted.T @ rows + np.diag(trust), weighted.T @ aim + trust * pull) - x
         x = x + OVER * step
+        x[7:11] = np.clip(x[7:11], -MOST_SHIFT_PX, MOST_SHIFT_PX)
         if np.abs(step).max() < ENOUGH:
             break
     room, body, behind, dark, lag = x[7:].tolist()
