@@ -46,6 +46,21 @@ def trained(arguments):
     subprocess.run(command, check=True, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
 
 
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        *(("--steps", "0"), ("--steps", "-3"), ("--batch", "0"), ("--samples-per-slice", "0"), ("--threads", "-1")),
+        *(("--learning-rate", "nan"), ("--learning-rate", "-1"), ("--seed", "-1"), ("--validate-every", "0")),
+    ],
+)
+def test_numbers_that_no_run_can_have_are_refused_before_anything_is_made(option, value, tmp_path, capsys):
+    out = tmp_path / "run"
+    assert main(["train", str(tmp_path), "--out", str(out), option, value]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and f"{value} " in f"{said.splitlines()[0]} "
+    assert not out.exists()
+
+
 @pytest.mark.slow
 def test_a_run_leaves_a_model_to_train_one_to_run_and_a_log(run):
     out, _ = run

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from evimo.cli.progress import Advance, progress
-from evimo.errors import check_installed
+from evimo.errors import BadInput, check_installed
 from evimo.recordings.finding import recordings_in
 from evimo.writing import make_folder
 
@@ -71,6 +71,8 @@ def train(
     """
     from evimo.training.config import TrainConfig
 
+    if validate_every < 1:
+        raise BadInput(f"a score every {validate_every} steps", fix="--validate-every 500")
     config = TrainConfig(
         recipe=recipe,
         steps=steps,

@@ -1,6 +1,9 @@
 """What a training run is: everything that its checkpoints carry."""
 
 from dataclasses import dataclass
+from math import inf
+
+from evimo.errors import BadInput
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +22,9 @@ class TrainConfig:
         are one more population.
     samples_per_slice: how often a filmed slice is the middle of a sample, on average, before it is forgotten.
     bfloat16:      whether features are computed in half the precision; 1.6 times as fast on CPUs that know it.
+
+    Raises:
+        BadInput: a number that no run can have.
     """
 
     recipe: str = "shipped"
@@ -32,3 +38,13 @@ class TrainConfig:
     simulate: tuple[str, ...] = ()
     samples_per_slice: int = 4
     bfloat16: bool = True
+
+    def __post_init__(self) -> None:
+        counts = {"steps": self.steps, "samples in a batch": self.batch, "samples per slice": self.samples_per_slice}
+        for name, count in counts.items():
+            if count < 1:
+                raise BadInput(f"{count} {name}", fix="1 or more")
+        if self.seed < 0:
+            raise BadInput(f"seed {self.seed}", fix="a seed from 0")
+        if not 0 < self.learning_rate < inf:
+            raise BadInput(f"a learning rate of {self.learning_rate:g}", fix="a positive number, such as 0.002")

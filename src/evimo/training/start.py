@@ -42,6 +42,10 @@ class Workplace:
     workers: int = 1
     threads: int | None = None
 
+    def __post_init__(self) -> None:
+        if self.threads is not None and self.threads < 1:
+            raise BadInput(f"{self.threads} threads", fix="1 or more")
+
 
 @contextmanager
 def started(

@@ -5,6 +5,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ APPLICATION = "evimo"
 TIME, SLICE = "time", "slice"
 """The time lines: the recording's own clock, and the numbers of its slices of 25 ms."""
 
-FLUSH = 20  # slices, after which what Rerun has collected is written: bounds memory, and a full disk is heard of
+FLUSH = 20  # slices, after which everything must be on disk: bounds memory, and a full disk is heard of
+PIECE = 1 << 16  # bytes
 LATEST_US = 9_000_000_000_000_000  # Rerun counts ns in 64 bits
 
 
@@ -44,8 +46,9 @@ class Store:
         self._stream: Any = self.rr.RecordingStream(APPLICATION, recording_id=name)
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
-        self._collected: Any = self._stream.binary_stream()  # Rerun's own file waits for ever on a full disk
-        self._file = path.open("wb")
+        self._file = _Poured(path)
+        self._stream.save(self._file.mouth)
+        self._file.begin()
         self._stream.send_recording_name(name)
 
     def arrange(self, blueprint: Any) -> None:
@@ -84,7 +87,8 @@ class Store:
         """
         self._slices += 1
         if self._slices % FLUSH == 0:
-            self._write()
+            self._stream.flush()
+            self._file.check()
 
     def close(self) -> None:
         """Finish the file.
@@ -92,12 +96,68 @@ class Store:
         Raises:
             OSError: as `finished_slice`.
         """
-        self._write()
-        self._file.close()
+        self._stream.flush()
+        self._stream.disconnect()
+        self._file.finish()
 
-    def _write(self) -> None:
-        self._file.write(self._collected.read() or b"")
-        self._file.flush()
+
+class _Poured:
+    """A file that is filled through a pipe, by a thread that goes on reading when the disk is full.
+
+    Rerun waits for ever for a disk that takes no more, even when it is let go.
+
+    mouth: path of the pipe's end that is to be opened for writing; `begin` follows when it is.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("wb")
+        self._out, self._in = os.pipe()
+        self.mouth = f"/dev/fd/{self._in}"
+        self._error: OSError | None = None
+        self._thread = Thread(target=self._pour, daemon=True)
+
+    def begin(self) -> None:
+        """Start to read; it ends when whoever has opened the mouth closes it."""
+        os.close(self._in)
+        self._thread.start()
+
+    def check(self) -> None:
+        """Raise what the disk said.
+
+        Raises:
+            OSError: it is full, or cannot be written any more.
+        """
+        if self._error is not None:
+            raise self._error
+
+    def finish(self) -> None:
+        """Wait for the end of the file, and close it.
+
+        Raises:
+            OSError: as `check`.
+        """
+        self._thread.join()
+        self.check()
+
+    def _pour(self) -> None:
+        with open(self._out, "rb", buffering=0) as pipe:
+            while piece := pipe.read(PIECE):
+                if self._error is None:
+                    self._write(piece)
+        self._close()
+
+    def _write(self, piece: bytes) -> None:
+        try:
+            self._file.write(piece)
+            self._file.flush()
+        except OSError as error:
+            self._error = OSError(error.errno, error.strerror, self._file.name)
+
+    def _close(self) -> None:
+        try:
+            self._file.close()
+        except OSError as error:
+            self._error = self._error or OSError(error.errno, error.strerror, self._file.name)
 
 
 @contextmanager
