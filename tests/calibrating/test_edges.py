@@ -6,11 +6,14 @@ Events are made from the circle along which rays touch a ball, which is another 
 import numpy as np
 import pytest
 
-from evimo.calibrating.contours import Rendered, outline_points
-from evimo.calibrating.edges import Moment, World, event_density, refine_by_edges
+from evimo.calibrating.contours import Rendered, outline_points, straightened
+from evimo.calibrating.edges import event_density, refine_by_edges
 from evimo.calibrating.fitting import Calibration
+from evimo.calibrating.outline_fit import Shifts
 from evimo.calibrating.rigid import angle_between, inverse, moved, nudged, pose
+from evimo.calibrating.world import Moment, World
 from evimo.errors import BadInput
+from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 
 PINHOLE = Camera(50.0, 50.0, 31.5, 23.5, 48, 64)
@@ -60,10 +63,10 @@ class Balls:
 
         return drawn
 
-    def events(self, rng, time_us, half_us=3000, each=160, stray=600):
-        """Counts of events around a time of the camera's clock: on outlines, inside balls, and anywhere."""
-        counts = np.zeros(self.known.camera.size)
-        for t_us in rng.uniform(time_us - half_us, time_us + half_us, 20):
+    def events(self, rng, time_us, half_us=6000, each=160, stray=600):
+        """Events around a time of the camera's clock: on outlines, and anywhere."""
+        found = []
+        for t_us in np.sort(rng.uniform(time_us - half_us, time_us + half_us, 20)):
             t_s = (t_us - self.known.offset_us) / 1e6
             cam_from_world = inverse(self.rig(np.array([t_s]))[0] @ self.known.rig_from_cam)
             centres = moved(cam_from_world, self.placed(t_s))
@@ -72,10 +75,12 @@ class Balls:
             anywhere = rng.uniform(
                 -0.5, (self.known.camera.width - 0.5, self.known.camera.height - 0.5), (stray // 20, 2)
             )
-            x, y = np.rint(np.concatenate((px, anywhere))).astype(int).T
-            inside = (x >= 0) & (y >= 0) & (x < counts.shape[1]) & (y < counts.shape[0])
-            np.add.at(counts, (y[inside], x[inside]), 1)
-        return Moment(float(time_us), counts)
+            px = np.rint(np.concatenate((px, anywhere)))
+            px = px[((px >= 0) & (px <= (self.known.camera.width - 1, self.known.camera.height - 1))).all(axis=1)]
+            found.append(np.concatenate((px, np.full((len(px), 1), t_us)), axis=1))
+        x, y, t = np.concatenate(found).T
+        p = rng.choice((-1, 1), len(t))
+        return Moment(Events(x.astype(np.uint16), y.astype(np.uint16), t.astype(np.int64), p.astype(np.int8)))
 
 
 def rim(rng, centre, radius, count):
@@ -121,14 +126,35 @@ def test_outlines_run_between_the_near_and_the_far_at_the_nears_depth():
     valid = np.ones(PINHOLE.size, np.bool_)
     valid[:, :5] = False
     ids = np.where(depth < 1.5, BALL, 0)
-    points, px, body = outline_points(Rendered(depth, ids, valid), PINHOLE, margin=0)
-    of_ball = body == BALL
+    found = outline_points(Rendered(depth, ids, valid), PINHOLE, margin=0)
+    points, px, of_ball = found.points, found.px, found.body == BALL
     assert of_ball.sum() == 40 and np.allclose(points[of_ball, 2], 1.0)
     assert {tuple(each) for each in px[of_ball].tolist()} >= {(29.5, 10.0), (39.5, 19.0), (30.0, 9.5), (39.0, 19.5)}
     assert (~of_ball).sum() == 48 and np.allclose(px[~of_ball, 0], 4.5)  # what is unknown lies behind
+    assert np.allclose(found.outward[~of_ball], (-1, 0))
     assert np.allclose(PINHOLE.project(points[:, :2] / points[:, 2:]), px)
-    _, inner, _ = outline_points(Rendered(depth, ids, valid), PINHOLE, margin=12)
-    assert inner.min() >= 12
+    assert outline_points(Rendered(depth, ids, valid), PINHOLE, margin=12).px.min() >= 12
+
+
+def test_an_oblique_plane_has_no_outline():
+    x, y = np.meshgrid(np.arange(64), np.arange(48))
+    depth = 1 / (0.02 + 0.02 * y + 0.005 * x)  # from pixel to pixel it changes by half
+    everything = np.ones(PINHOLE.size, np.bool_)
+    found = outline_points(Rendered(depth, np.zeros(PINHOLE.size, np.int64), everything), PINHOLE, margin=0)
+    assert not len(found.px)
+
+
+def test_slanted_outlines_are_straightened():
+    x, y = np.meshgrid(np.arange(64), np.arange(48))
+    normal, far = np.array((0.6, 0.8)), 31.3  # the near side's outer normal, and the outline's distance from (0, 0)
+    depth = np.where(0.6 * x + 0.8 * y < far, 1.0, 2.0)
+    seen = Rendered(depth, np.zeros(PINHOLE.size, np.int64), np.ones(PINHOLE.size, np.bool_))
+    raw = outline_points(seen, PINHOLE, margin=3)
+    found = straightened(raw, PINHOLE)
+    assert len(found.px) > 0.8 * len(raw.px)
+    assert np.abs(found.px @ normal - far).mean() < 0.6 * np.abs(raw.px @ normal - far).mean()
+    assert (found.outward @ normal).min() > 0.97
+    assert np.allclose(PINHOLE.project(found.points[:, :2] / found.points[:, 2:]), found.px)
 
 
 def test_events_are_dense_on_a_line_and_even_in_a_crowd():
@@ -139,9 +165,22 @@ def test_events_are_dense_on_a_line_and_even_in_a_crowd():
     assert event_density(crowd, 1.5)[30, 40] == pytest.approx(1 / 2.25, abs=0.01)
 
 
+def test_a_result_that_lies_on_texture_is_an_error(known, balls, monkeypatch):
+    rng = np.random.default_rng(6)
+    moments = [balls.events(rng, time_us) for time_us in np.linspace(0.3e6, 7.7e6, 12)]
+    world = World(exactly(balls.rig), {BALL: exactly(balls.ball)}, balls.render(known.camera))
+    start = Calibration(
+        camera=known.camera, rig_from_cam=known.rig_from_cam, body_from_target=np.eye(4), offset_us=known.offset_us
+    )
+    on_texture = Shifts(0.0, -0.6, 0.2, 0.3, 0.0)
+    monkeypatch.setattr("evimo.calibrating.edges.fit_outlines", lambda *_: (np.zeros(7), on_texture))
+    with pytest.raises(BadInput, match="texture hides them"):
+        refine_by_edges(start, moments, world)
+
+
 def test_nothing_in_view_is_an_error(known, balls):
     nothing = np.zeros(known.camera.size, np.int64)
     nowhere = World(exactly(balls.rig), {}, lambda *_: Rendered(nothing.astype(float), nothing, nothing > 0))
     start = Calibration(camera=known.camera, rig_from_cam=known.rig_from_cam, body_from_target=np.eye(4), offset_us=0.0)
     with pytest.raises(BadInput, match="0 points of outlines"):
-        refine_by_edges(start, [Moment(1e6, np.ones((260, 346)))], nowhere)
+        refine_by_edges(start, [balls.events(np.random.default_rng(1), 1e6)], nowhere)

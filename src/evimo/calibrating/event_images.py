@@ -22,6 +22,18 @@ def count_images(
         window_us: length of a window; a few periods of the flicker.
         every_us: from one window to the next, at least its length.
     """
+    for window in windows(packets, window_us=window_us, every_us=every_us):
+        yield _counted(window, size)
+
+
+def windows(packets: Iterable[Events], *, window_us: int, every_us: int) -> Iterator[Events]:
+    """The events of windows that begin at equal distances; those without events are left out.
+
+    Args:
+        packets: of events, of any sizes.
+        window_us: length of a window.
+        every_us: from one window to the next, at least its length.
+    """
     waiting: Events | None = None
     start: int | None = None
     for packet in filter(len, packets):
@@ -30,7 +42,7 @@ def count_images(
         while waiting.t[-1] >= start + every_us:
             window = waiting.between(start, start + window_us)
             if len(window):
-                yield _counted(window, size)
+                yield window
             start += every_us
             waiting = waiting.between(start, int(waiting.t[-1]) + 1)
             if not len(waiting):

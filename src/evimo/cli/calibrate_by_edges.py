@@ -11,21 +11,22 @@ from evimo.errors import BadInput
 
 if TYPE_CHECKING:
     from evimo.calibrating.contours import Rendered
-    from evimo.calibrating.edges import EdgeFit, Moment, World
+    from evimo.calibrating.edges import EdgeFit
     from evimo.calibrating.fitting import Calibration
     from evimo.calibrating.sightings import PoseAt
+    from evimo.calibrating.world import Moment, World
     from evimo.captures.capture import Capture
     from evimo.formats.event_file import EventFile
     from evimo.geometry.camera import Camera
 
 MOMENTS = 60  # of the recording, evenly
-WINDOW_US = 6_000  # of events in each: edges move by few px meanwhile
+WINDOW_US = 12_000  # of events in each: an outline, as it is drawn once, changes little meanwhile
 FEWEST_EVENTS = 50  # in a moment: with fewer nothing moves
 
 
 def refine(source: Path, *, out: Path, search_ms: float) -> None:
     """Refine the calibration of a capture and save it."""
-    from evimo.calibrating.edges import BLURS_PX, refine_by_edges
+    from evimo.calibrating.edges import ROUNDS, refine_by_edges
     from evimo.calibrating.fitting import Calibration
     from evimo.captures.capture import open_capture
 
@@ -40,7 +41,7 @@ def refine(source: Path, *, out: Path, search_ms: float) -> None:
     world = captured_world(capture, camera)
     moments = moments_of(events)
     start = Calibration(camera=camera, rig_from_cam=start_pose, body_from_target=np.eye(4), offset_us=0.0)
-    with progress(len(BLURS_PX), "rounds") as advance:
+    with progress(len(ROUNDS), "rounds") as advance:
         fit = refine_by_edges(start, moments, world, search_us=1e3 * search_ms, advance=advance)
     _show(capture, start, fit, moments)
     _save(capture, fit, out)
@@ -48,18 +49,18 @@ def refine(source: Path, *, out: Path, search_ms: float) -> None:
 
 def moments_of(events: "EventFile") -> list["Moment"]:
     """Short windows of a recording in which something moves."""
-    from evimo.calibrating.edges import Moment
-    from evimo.calibrating.event_images import count_images
+    from evimo.calibrating.event_images import windows
+    from evimo.calibrating.world import Moment
 
     every_us = max((events.stop_us - events.start_us) // MOMENTS, WINDOW_US)
-    windows = count_images(events, events.sensor, window_us=WINDOW_US, every_us=every_us)
-    return [Moment(time_us, counts) for time_us, counts in windows if counts.sum() >= FEWEST_EVENTS]
+    found = windows(events, window_us=WINDOW_US, every_us=every_us)
+    return [Moment(some) for some in found if len(some) >= FEWEST_EVENTS]
 
 
 def captured_world(capture: "Capture", camera: "Camera") -> "World":
     """Motion capture and scans of a capture, ready to be drawn."""
     from evimo.calibrating.bodies import poses_of
-    from evimo.calibrating.edges import World
+    from evimo.calibrating.world import World
 
     tracks = capture.tracks()
     unplaced = [each.name for each in capture.objects if each.body_from_scan is None]
@@ -118,11 +119,22 @@ def _show(capture: "Capture", start: "Calibration", fit: "EdgeFit", moments: Seq
     turned = np.degrees(float(angle_between(made.rig_from_cam, start.rig_from_cam)))
     apart = 1e3 * np.linalg.norm(one.rig_from_cam[:3, 3] - other.rig_from_cam[:3, 3]) / 2
     askew = np.degrees(float(angle_between(one.rig_from_cam, other.rig_from_cam))) / 2
-    print(f"{capture.path}: events on outlines {fit.before:.3f} before, {fit.after:.3f} now (0 to 1)")
-    print(f"  camera moved by {moved:.2f} mm and {turned:.3f} degrees, clock by {made.offset_us:+.0f} us")
+    print(
+        f"{capture.path}: of the events within 8 px of outlines, {100 * fit.before:.1f} % lay on them before, "
+        f"{100 * fit.after:.1f} % do now"
+    )
+    print(
+        f"  camera moved by {moved:.2f} mm and {turned:.3f} degrees, clock by {made.offset_us:+.0f} us, "
+        "in which is how late the pixels are (up to 3 ms)"
+    )
     print(
         f"  from half of the {len(moments)} moments each: +-{apart:.2f} mm, +-{askew:.3f} degrees, "
         f"+-{abs(one.offset_us - other.offset_us) / 2:.0f} us"
+    )
+    shifts = fit.shifts
+    print(
+        f"  events beside outlines: {shifts.behind:+.2f} px behind in motion, {shifts.dark:+.2f} px towards the dark, "
+        f"{shifts.room:+.2f} (room) and {shifts.body:+.2f} (objects) px outwards; ON {shifts.on_lag_us:+.0f} us late"
     )
 
 

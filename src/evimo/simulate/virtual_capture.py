@@ -102,9 +102,10 @@ def _written(recording: SimulatedRecording, folder: Path) -> Iterator[SimulatedS
 def _write_scans(recording: SimulatedRecording, folder: Path, rng: np.random.Generator) -> list[F8]:
     """Scans of the objects with their markers, and of all that stands still; the markers of each object, (K, 3)."""
     scene, marked = recording.scene, list[F8]()
+    (folder / "scans").mkdir()  # a scene without movers has a room still
     for number, body in enumerate(scene.movers, 1):
         place = folder / "scans" / f"object_{number}"
-        place.mkdir(parents=True)
+        place.mkdir()
         mesh = trimesh.Trimesh(*body_triangles((body,), scene.meshes), process=False)
         mesh.export(place / "model.ply")
         spots = mesh.vertices[rng.permutation(len(mesh.vertices))[:MARKER_COUNT]]
