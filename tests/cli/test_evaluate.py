@@ -169,6 +169,15 @@ def test_recordings_scored_before_are_not_scored_again(runs, recordings, tmp_pat
     assert json.loads((tmp_path / "out" / "report.json").read_text())["settings"]["density threshold"] == 1.5
 
 
+def test_another_recording_at_the_place_of_one_scored_before_is_scored(runs, recordings, tmp_path):
+    command = ["evaluate", str(recordings), "--out", str(tmp_path / "out")]
+    main(command)
+    info = recordings / "a" / "dataset_info.json"
+    info.write_text(info.read_text().replace('"seed": 0', '"seed": 1'))
+    main(command)
+    assert [path.name for path in runs] == ["a", "b", "a"]
+
+
 def test_files_in_the_layout_of_ev_imo_score_as_folders_do(runs, recordings, tmp_path):
     file = save_recording(tmp_path / "v1" / "c.npz", Evimo1Writer)
     (tmp_path / "v1" / f"{MARKER}d").mkdir()

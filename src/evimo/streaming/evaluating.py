@@ -1,6 +1,7 @@
 """A model scored on recordings that know the truth, beside the trivial answers."""
 
 import hashlib
+import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -68,10 +69,11 @@ def evaluate(
         "evimo": own_version(),
     }
     kept = [_kept_at(Path(out), recording) if out else None for recording in opened]
-    reports = [_scored_before(path, settings) for path in kept]
+    told = [settings | {"recording": _mark(recording)} for recording in opened]
+    reports = [_scored_before(path, each) for path, each in zip(kept, told, strict=True)]
     total = Report()
     with progress(sum(len(each) for each, report in zip(opened, reports, strict=True) if report is None)) as tick:
-        for recording, path, report in zip(opened, kept, reports, strict=True):
+        for recording, path, report, facts in zip(opened, kept, reports, told, strict=True):
             if report is None:
                 estimates = run(recording.events, model=model, camera=recording.camera, imu=imu)
                 scored = score_recording(
@@ -80,7 +82,7 @@ def evaluate(
                     density_threshold=density_threshold,
                     groups=groups_of(recording.meta),
                 )
-                report = replace(scored, settings=settings)
+                report = replace(scored, settings=facts)
                 if path is not None:
                     report.save(path)
             total = total + report
@@ -93,6 +95,12 @@ def _kept_at(out: Path, recording: Recording) -> Path:
     return out / "recordings" / f"{recording.path.name}-{mark}.json"
 
 
+def _mark(recording: Recording) -> str:
+    """What tells a recording from another one that was at its place before: made from other seeds, or annotated anew."""
+    made = [recording.meta, recording.event_count(), len(recording)]
+    return hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest()
+
+
 def _ticked(slices: Iterable[Scored], tick: Tick) -> Iterator[Scored]:
     """The same slices; `tick` is called after each was used."""
     for each in slices:
@@ -101,7 +109,7 @@ def _ticked(slices: Iterable[Scored], tick: Tick) -> Iterator[Scored]:
 
 
 def _scored_before(path: Path | None, settings: dict[str, str | float]) -> Report | None:
-    """The report kept at that path, if it was made with the same model and settings."""
+    """The report kept at that path, if it was made of the same recording with the same model and settings."""
     if path is None or not path.is_file():
         return None
     try:
