@@ -103,6 +103,13 @@ def test_the_page_is_whole_in_itself(command, tmp_path):
     assert len(set(re.findall(r'<section id="([^"]+)"', text))) == 6
 
 
+def test_names_of_files_are_neither_formulas_nor_html(command, recordings, saved, tmp_path):
+    saved(recordings / "wall" / r"$\nothing$<i>", background="wall", seed=11)
+    assert main(command) == 0
+    text = (tmp_path / "out" / "benchmark.html").read_text()
+    assert r"$\nothing$&lt;i&gt;" in text and "<i>" not in text
+
+
 def test_what_was_scored_is_not_scored_again(no_page, command, runs, tmp_path):
     main(command)
     first = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}

@@ -26,6 +26,7 @@ MARKERS = "osD^vP"
 GREY, RULE, INK = "#8a929c", "#e3e6ea", "#20262e"
 HALF = LEVELS // 2
 STYLE: dict[Any, Any] = {
+    "text.parse_math": False,  # names of files and models are no formulas
     "svg.fonttype": "none",  # text stays text: it can be searched, and the page's font is used
     "font.family": "sans-serif",
     "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
