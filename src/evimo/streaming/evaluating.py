@@ -96,7 +96,7 @@ def _kept_at(out: Path, recording: Recording) -> Path:
 
 
 def _mark(recording: Recording) -> str:
-    """What tells a recording from another one that was at its place before: made from other seeds, or annotated anew."""
+    """What tells a recording from another one that was at its place before: of other seeds, or annotated anew."""
     made = [recording.meta, recording.event_count(), len(recording)]
     return hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest()
 
