@@ -171,6 +171,23 @@ def test_other_weights_of_the_same_name_are_scored_anew(no_page, command, runs, 
     assert [model for model, _ in runs[8:]] == ["half"] * 4
 
 
+@pytest.mark.parametrize(
+    ("others", "title", "notice"),
+    [
+        ("", "# EV-IMO’s experiments on simulated recordings\n", "All of these numbers are measured on simulated"),
+        ("a", "# EV-IMO’s experiments\n", "3 of 4 recordings are simulated: some of these numbers are measured on"),
+        ("abcd", "# EV-IMO’s experiments\n", ""),
+    ],
+)
+def test_nothing_simulated_is_called_real(others, title, notice, no_page, command, recordings, tmp_path):
+    for info in recordings.rglob("dataset_info.json"):
+        if info.parent.name in others:  # made of a capture, as `evimo annotate` does
+            info.write_text(info.read_text().replace('"seed"', '"made_from"'))
+    assert main(command) == 0
+    page = (tmp_path / "out" / "benchmark.md").read_text()
+    assert page.startswith(title) and notice in page and ("simulated recordings" in page) == bool(notice)
+
+
 def test_folders_of_ev_imo_name_the_background(no_page, runs, saved, tmp_path):
     saved(tmp_path / "eval" / "wall" / "seq_00", background=None)
     assert main(["benchmark", "--data", str(tmp_path / "eval"), "--out", str(tmp_path / "out"), *MODELS]) == 0

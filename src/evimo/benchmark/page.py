@@ -9,7 +9,7 @@ from evimo.benchmark.paper import ON
 from evimo.benchmark.plots import plots_of
 from evimo.benchmark.result import Result
 from evimo.benchmark.scoring import TRIVIAL
-from evimo.benchmark.texts import BEST, SIMULATED, cell
+from evimo.benchmark.texts import BEST, cell, notice
 from evimo.benchmark.worst import FALSE, HIT, MISSED, WorstCase, as_png
 from evimo.evaluation.tables import ARROWS
 from evimo.viewing.colours import RGB
@@ -26,7 +26,7 @@ def as_html(result: Result) -> str:
     return template.render(
         result=result,
         lead=_lead(result),
-        notice=SIMULATED if result.simulated else "",
+        notice=notice(result),
         best=BEST,
         on=ON,
         arrows=ARROWS,

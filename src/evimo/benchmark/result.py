@@ -19,21 +19,28 @@ from evimo.evaluation.report import MODEL
 class Result:
     """What a benchmark found.
 
-    title:     what was measured on.
-    simulated: whether the recordings come from our simulator, which every page then says.
     settings:  what made the recordings, by name.
     rivals:    models in the order of the tables, the trivial answers last.
     tallies:   by the model's name and the sequence's.
     worst:     the worst masks of the first model.
     """
 
-    title: str
-    simulated: bool
     settings: Mapping[str, str]
     sequences: Sequence[cases.Sequence]
     rivals: Sequence[cases.Rival]
     tallies: Mapping[tuple[str, str], Tally]
     worst: Sequence[WorstCase] = field(default_factory=tuple[WorstCase, ...])
+
+    @cached_property
+    def simulated(self) -> int:
+        """How many of the recordings say that our simulator made them, which every page then says."""
+        return sum("seed" in sequence.recording.meta for sequence in self.sequences)
+
+    @property
+    def title(self) -> str:
+        """What was measured on; others' recordings do not say whether they are real."""
+        alone = self.simulated == len(self.sequences)
+        return f"EV-IMO’s experiments{' on simulated recordings' if alone else ''}"
 
     @property
     def models(self) -> list[str]:

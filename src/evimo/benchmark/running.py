@@ -79,10 +79,7 @@ def benchmark(
         for sequence in sequences:
             found = _scored(kept, rivals, sequence, advance)
             tallies |= {(name, sequence.name): tally for name, tally in found.items()}
-    simulated = all("seed" in sequence.recording.meta for sequence in sequences)
     result = Result(
-        title=f"EV-IMO’s experiments on {'simulated' if simulated else 'real'} recordings",
-        simulated=simulated,
         settings={**settings, "evimo": own_version()},
         sequences=sequences,
         rivals=rivals,

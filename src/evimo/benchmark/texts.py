@@ -15,16 +15,23 @@ from evimo.evaluation.report import plain
 from evimo.evaluation.tables import definition, header, table_line
 
 SIMULATED = (
-    "All of these numbers are measured on simulated recordings. They are not comparable with numbers that others have"
+    "{which} these numbers are measured on simulated recordings. They are not comparable with numbers that others have"
     " measured on the real EV-IMO, which stand under headings of their own."
 )
 BEST = "Bold is the best model, where it is better than every trivial answer."
 
 
+def notice(result: Result) -> str:
+    """What a reader has to know of simulated recordings; nothing where there are none."""
+    every = result.simulated == len(result.sequences)
+    which = "All of" if every else f"{result.simulated} of {len(result.sequences)} recordings are simulated: some of"
+    return SIMULATED.format(which=which) if result.simulated else ""
+
+
 def as_markdown(result: Result) -> str:
     """The whole benchmark as a page of text."""
     lines = [f"# {result.title}", ""]
-    lines += [SIMULATED, ""] if result.simulated else []
+    lines += [notice(result), ""] if result.simulated else []
     for table in result.tables:
         lines += [f"## Table {table.layout.key}. {table.layout.title}", "", f"{table.layout.about} {BEST}", ""]
         lines += _our_table(table)
@@ -91,7 +98,7 @@ def as_json(result: Result) -> str:
     """Everything: tables, sums of all scores by scene, curves, numbers of each sequence; the paper's apart."""
     content: dict[str, Any] = {
         "title": result.title,
-        "simulated": result.simulated,
+        "simulated": result.simulated > 0,
         "facts": result.facts,
         "conventions": list(result.conventions),
         "tables": {table.layout.key: [_block(block) for block in table.blocks] for table in result.tables},
