@@ -13,7 +13,7 @@ from evimo.evaluation.columns import BY_NAME, COLUMNS, SECTIONS
 from evimo.evaluation.ratios import Score
 from evimo.evaluation.report import MODEL, Report, load_report
 from evimo.evaluation.scores import mask_scores
-from evimo.evaluation.tables import as_markdown, as_rich
+from evimo.evaluation.tables import as_markdown, as_rich, table_line
 from evimo.writing import save_text
 
 
@@ -105,3 +105,7 @@ def test_every_score_has_a_column_and_every_column_is_shown(big_sample):
     assert len(BY_NAME) == len(COLUMNS)
     trivial = baselines.trivial_scores(big_sample).values()
     assert {name for scores in trivial for name in scores} <= shown
+
+
+def test_a_bar_in_a_name_does_not_end_the_cell():
+    assert table_line(["a|b", "1"]) == "| a\\|b | 1 |"

@@ -120,5 +120,6 @@ def as_markdown(report: Report) -> str:
 
 
 def table_line(parts: list[str]) -> str:
-    """One line of a Markdown table."""
-    return f"| {' | '.join(parts)} |"
+    """One line of a Markdown table; a bar in a name of a file is none of the table's."""
+    escaped = (part.replace("|", "\\|") for part in parts)
+    return f"| {' | '.join(escaped)} |"
