@@ -61,6 +61,7 @@ def test_times_that_fit_no_slice_are_refused(truth, all_ids, tmp_path, times, er
     [
         ({"ids": np.zeros((6, 30, 40), int)}, "lacks `times`"),
         ({"ids": np.zeros((6, 30, 40)), "times": CENTRES_US}, "float64"),
+        ({"ids": np.full((6, 30, 40), 2**32 + 1), "times": CENTRES_US}, "go beyond 2,147,483,647"),
         ({"masks": np.full((6, 30, 40), 1.5), "times": CENTRES_US}, "outside 0 to 1"),
         ({"masks": np.full((6, 30, 40), np.nan), "times": CENTRES_US}, "outside 0 to 1"),
         ({"masks": np.zeros((30, 40), bool), "times": CENTRES_US}, "`masks` of"),

@@ -55,9 +55,9 @@ class _Archived:
     def at(self, k: int) -> Prediction:
         """Map k of each array."""
         mask = None if self._masks is None else self._masks.read(k, k + 1)[0]
-        ids = None if self._ids is None else self._ids.read(k, k + 1)[0].astype(np.int32)
+        ids = None if self._ids is None else self._read_ids(self._ids, k)
         if mask is None:
-            return Prediction(moving=None if ids is None else ids > 0, ids=None if ids is None else ids.clip(0))
+            return Prediction(moving=None if ids is None else ids > 0, ids=ids)
         probability = None
         if mask.dtype.kind == "f":
             if not ((mask >= 0) & (mask <= 1)).all():
@@ -65,4 +65,11 @@ class _Archived:
             probability, mask = mask.astype(np.float32), mask > 0.5
         elif mask.dtype.kind != "b" and (values := np.unique(mask)).size > 2 - (values[0] != 0):
             raise BadFile(f"mask {k} of {self._path} has more values than 0 and one other", fix=FIX)
-        return Prediction(moving=mask > 0, ids=None if ids is None else ids.clip(0), probability=probability)
+        return Prediction(moving=mask > 0, ids=ids, probability=probability)
+
+    def _read_ids(self, rows: Rows, k: int) -> NDArray[np.int32]:
+        """The ids of map k; those that `Prediction` cannot hold would become others, or static."""
+        ids = rows.read(k, k + 1)[0]
+        if ids.max(initial=0) > (most := np.iinfo(np.int32).max):
+            raise BadFile(f"ids {k} of {self._path} go beyond {most:,}", fix="smaller numbers for the objects")
+        return ids.clip(0).astype(np.int32)
