@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadFile
+from evimo.formats.evimo2 import mapped
 from evimo.formats.evimo_meta import literal, meta_of
 from evimo.recordings.dataset_cameras import AS_WRITTEN, camera_of
 
@@ -34,3 +35,10 @@ def test_only_whole_numbers_name_objects():
     frames = meta_of({"meta": {}, "frames": [{"ts": 0, "cam": pose, "²": pose, "3": pose, "300": pose}]}, "it").frames
     assert list(frames.cam_from_object) == [3]
     np.testing.assert_array_equal(frames.cam_from_object[3][0, :3, 3], (0, 0, 1))
+
+
+@pytest.mark.parametrize("shape", [(), (5, 0)])
+def test_arrays_of_no_rows_and_columns_are_one_error(tmp_path, shape):
+    np.save(tmp_path / "a.npy", np.zeros(shape))
+    with pytest.raises(BadFile, match="shape"):
+        mapped(tmp_path / "a.npy")
