@@ -114,3 +114,12 @@ def test_a_track_knows_another_clock(tmp_path, poses):
     track = load_tracks(write_csv(tmp_path / "all.csv", poses))["Rig"]
     assert (track.shifted(-1250).times_us - track.times_us == -1250).all()
     assert Rotation.from_matrix(track.picked(np.array([3, 5])).world_from_body[:, :3, :3]).magnitude().shape == (2,)
+
+
+def test_topics_that_end_alike_are_bodies_of_their_own(tmp_path, poses, vicon_bag):
+    """As /vicon/rig/pose and /vicon/wand/pose, of which one would hide the other."""
+    alike = {"rig/pose": poses["Rig"], "wand/pose": poses["Object_1"], "hand": poses["Rig"]}
+    tracks = load_tracks(vicon_bag(tmp_path / "all.bag", alike))
+    assert set(tracks) == {"vicon/rig/pose", "vicon/wand/pose", "hand"}
+    check(tracks["vicon/rig/pose"], poses["Rig"])
+    check(tracks["vicon/wand/pose"], poses["Object_1"])

@@ -124,3 +124,19 @@ def test_any_cut_and_any_flipped_byte_is_read_or_refused():
         spoilt[rng.integers(len(spoilt))] = rng.integers(256)
         with contextlib.suppress(BadFile):
             plain_value(io.BytesIO(bytes(spoilt)), "it")
+
+
+def test_what_multiplies_itself_takes_no_time_and_no_memory(monkeypatch):
+    doubled = b"\x80\x02K\x01" + b"q\x00h\x00\x86" * 60 + b"."  # tuples of the same tuple twice: 2 to the 60 leaves
+    found = plain_value(io.BytesIO(doubled), "it")
+    for _ in range(60):
+        assert found[0] is found[1]
+        found = found[0]
+    assert found == 1
+    for key in (b"}" + doubled[2:-1] + b"Ns.", b"\x8f(" + doubled[2:-1] + b"\x90."):
+        with pytest.raises(BadFile, match="key"):
+            plain_value(io.BytesIO(b"\x80\x04" + key), "it")
+    monkeypatch.setattr("evimo.formats.pickled.MOST_BYTES", 1000)
+    call = b"c_codecs\nencode\nq\x00X\x64\x00\x00\x00" + b"a" * 100 + b"X\x06\x00\x00\x00latin1\x86q\x01R"
+    with pytest.raises(BadFile, match="copies"):
+        plain_value(io.BytesIO(b"\x80\x02" + call + b"h\x00h\x01R" * 20 + b"."), "it")

@@ -49,6 +49,9 @@ def windows(packets: Iterable[Events], *, window_us: int, every_us: int) -> Iter
                 waiting = None
                 break
             start += max(0, (int(waiting.t[0]) - start) // every_us) * every_us  # a gap costs nothing
+        cut = 0 if waiting is None else int(np.searchsorted(waiting.t, start + window_us))
+        if waiting is not None and cut < len(waiting) - 1:  # of what lies between windows, only how late it is
+            waiting = joined([waiting.part(0, cut), waiting.part(len(waiting) - 1, len(waiting))])
 
 
 def brightness(counts: NDArray[np.float64]) -> float:

@@ -21,8 +21,8 @@ MOCAP_FIX = f"a bag with {' or '.join(BODY_KINDS)}; or {CSV}; or a file for each
 def load_tracks(path: str | Path, *, in_clock_of: str | None = None) -> dict[str, MocapTrack]:
     """Load where motion capture saw each body, by the body's name.
 
-    In a bag, bodies are named by the last words of their topics; in CSV by the column `body`, and where there is none
-    by the file, as in a text of TUM.
+    In a bag, bodies are named by the last words of their topics, or by whole topics where these words are the same;
+    in CSV by the column `body`, and where there is none by the file, as in a text of TUM.
 
     Args:
         path: a bag of ROS 1 or ROS 2, a CSV, or a text in TUM's format.
@@ -35,7 +35,9 @@ def load_tracks(path: str | Path, *, in_clock_of: str | None = None) -> dict[str
     path = Path(path)
     bag = _bag(path)
     if bag is not None:
-        found = {_name(topic): _bag_track(bag, topic, _clock(bag, in_clock_of)) for topic in body_topics(bag)}
+        found = {
+            name: _bag_track(name, bag, topic, _clock(bag, in_clock_of)) for name, topic in _named(body_topics(bag))
+        }
     else:
         found = _text_tracks(path)
     if not found:
@@ -60,7 +62,7 @@ def load_markers(path: str | Path, *, in_clock_of: str | None = None) -> dict[st
     if bag is None:
         found = _text_markers(path)
     else:
-        tracks = (_bag_markers(bag, topic, _clock(bag, in_clock_of)) for topic in body_topics(bag))
+        tracks = (_bag_markers(name, bag, topic, _clock(bag, in_clock_of)) for name, topic in _named(body_topics(bag)))
         found = {track.body: track for track in tracks if track.names}
     if not found:
         raise BadFile(f"{path} holds no markers", fix=f"a bag with vicon/Subject, or {MARKER_CSV}")
@@ -105,11 +107,16 @@ def _clock(bag: Bag, topic: str | None) -> Clock:
     return lambda stamps_ns: stamps_to_events(bag, topic or None, stamps_ns)
 
 
-def _name(topic: Topic) -> str:
-    return topic.name.rpartition("/")[2]
+def _named(found: list[Topic]) -> list[tuple[str, Topic]]:
+    """Each body's name, the last word of its topic; the whole topic where others end in the same word."""
+    last = [topic.name.rpartition("/")[2] for topic in found]
+    return [
+        (word if last.count(word) == 1 else topic.name.strip("/"), topic)
+        for word, topic in zip(last, found, strict=True)
+    ]
 
 
-def _bag_track(bag: Bag, topic: Topic, clock: Clock) -> MocapTrack:
+def _bag_track(body: str, bag: Bag, topic: Topic, clock: Clock) -> MocapTrack:
     stamps: list[int] = []
     poses = np.empty((topic.messages, 7))
     tracked = np.empty(topic.messages, np.bool_)
@@ -117,10 +124,10 @@ def _bag_track(bag: Bag, topic: Topic, clock: Clock) -> MocapTrack:
         stamps.append(sample.stamp_ns)
         poses[number], tracked[number] = sample.pose, sample.tracked
     count = len(stamps)  # a bag cut short tells of more than it has
-    return track_of(_name(topic), np.array(clock(stamps), np.int64), poses[:count], tracked[:count])
+    return track_of(body, np.array(clock(stamps), np.int64), poses[:count], tracked[:count])
 
 
-def _bag_markers(bag: Bag, topic: Topic, clock: Clock) -> MarkerTracks:
+def _bag_markers(body: str, bag: Bag, topic: Topic, clock: Clock) -> MarkerTracks:
     samples: list[BodySample] = list(body_samples(bag, topic, markers=True))
     times_us = np.array(clock([sample.stamp_ns for sample in samples]), np.int64)
     seen = (
@@ -128,7 +135,7 @@ def _bag_markers(bag: Bag, topic: Topic, clock: Clock) -> MarkerTracks:
         for number, sample in enumerate(samples)
         for marker in sample.markers
     )
-    return markers_of(_name(topic), times_us, seen)
+    return markers_of(body, times_us, seen)
 
 
 def _text_tracks(path: Path) -> dict[str, MocapTrack]:

@@ -102,6 +102,8 @@ def mapped(path: Path) -> NDArray[Any]:
     with path.open("rb") as file:
         header = array_header(file, path.name)
     columns = header.shape[1:]
+    if not header.shape or 0 in columns:
+        raise BadFile(f"{path.name} is of shape {header.shape}", fix="copy the recording again")
     row_bytes = header.dtype.itemsize * int(np.prod(columns))
     rows = min(header.shape[0], (path.stat().st_size - header.offset) // row_bytes)
     if not rows:

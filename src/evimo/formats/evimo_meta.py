@@ -7,6 +7,7 @@ pickle is unpickled, and nothing is evaluated.
 import ast
 import json
 import re
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from evimo.geometry.rotations import matrices_of_angles, matrices_of_quaternions
 
 F8 = NDArray[np.float64]
 COPY = "copy it again from the dataset"
+IDS = {*range(256), *map(str, range(256))}
+LARGEST = 1e300  # whole numbers may be larger than any float
 NUMBERS = {"t": "xyz", "q": "wxyz", "rpy": "rpy"}
 
 
@@ -100,11 +103,11 @@ def literal(text: str, where: str) -> Any:
     """
     try:
         return json.loads(_as_json(text))
-    except ValueError:
+    except (ValueError, RecursionError):
         pass
     try:
         return ast.literal_eval(text.strip())
-    except (ValueError, SyntaxError, MemoryError, RecursionError) as error:
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError) as error:
         told = re.search(r"on line (\d+)", str(error))
         line = told[1] if told else getattr(error, "lineno", None)
         place = f", line {line}" if line else ""
@@ -136,7 +139,7 @@ def _poses(entries: Any, where: str) -> MetaPoses:
     times = np.array([_number(entry, "ts", f"{where}[{k}]") for k, entry in enumerate(entries)], np.float64)
     if not np.isfinite(times).all() or (np.abs(times) > 1e9).any():
         raise BadFile(f"{where}[{int(np.argmin(np.isfinite(times)))}]['ts'] is no time in seconds", fix=COPY)
-    names = sorted({key for entry in entries for key in entry if str(key).isdigit() and int(key) < 256}, key=int)
+    names = sorted({key for entry in entries for key in entry if key in IDS}, key=int)
     poses = {name: _matrices([entry.get(name) for entry in entries], where, name) for name in ("cam", *names)}
     ids = [entry.get("id", k) for k, entry in enumerate(entries)]
     return MetaPoses(
@@ -180,6 +183,10 @@ def _numbers(pose: dict[str, Any], key: str, where: str) -> list[float]:
 
 def _number(holder: dict[Any, Any], key: str, where: str) -> float:
     value = _held(holder, key, where)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise BadFile(f"{where}['{key}'] is {str(value)[:40]!r}, no number", fix=COPY)
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or (value not in (np.inf, -np.inf) and abs(value) > LARGEST)
+    ):
+        raise BadFile(f"{where}['{key}'] is {reprlib.repr(value)[:40]}, no number", fix=COPY)
     return float(value)

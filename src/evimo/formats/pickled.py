@@ -127,11 +127,11 @@ class _Machine:
             case "scalar", (np.dtype() as kind, bytes() as raw) if not kind.hasobject:
                 return np.frombuffer(raw, kind, 1)[0].item()
             case "encode", (str() as text, "latin1" | "latin-1"):
-                return text.encode("latin-1")
+                return self._claimed(text.encode("latin-1"))
             case "dict", ():
                 return {}
             case "dict", (list() as pairs,):
-                return dict(pairs)
+                return _pairs([each for pair in pairs for each in pair])  # type: ignore[reportUnknownVariableType]
             case _:
                 raise self.refused(f"a call of {function} with other arguments")
 
@@ -161,21 +161,27 @@ class _Machine:
         """The values of an array from its version, shape, type, order and content."""
         _, shape, kind, fortran, content = state
         if kind.hasobject:
-            flat = [_finished(value) for value in content]
+            flat = _finished(self._claimed(list(content)))
             if math.prod(shape) != len(flat):
                 raise ValueError(f"an array of shape {shape} with {len(flat)} objects")
             # An array of dimension 0 holds one object, as `meta` of the datasets does.
             return flat[0] if shape == () else flat
-        raw = content.encode("latin-1") if isinstance(content, str) else bytes(content)
-        self.bytes += len(raw)
-        if self.bytes > MOST_BYTES or math.prod(shape) * kind.itemsize != len(raw):
+        raw = self._claimed(content.encode("latin-1") if isinstance(content, str) else bytes(content))
+        if math.prod(shape) * kind.itemsize != len(raw):
             raise ValueError(f"an array of shape {shape} {kind} with {len(raw)} bytes")
         return np.frombuffer(raw, kind).reshape(shape, order="F" if fortran else "C")
+
+    def _claimed(self, copy: Any) -> Any:
+        """The copy itself, once its memory is counted: one word of the pickle may be copied as often as it likes."""
+        self.bytes += len(copy) * (8 if isinstance(copy, list) else 1)
+        if self.bytes > MOST_BYTES:
+            raise ValueError(f"more than {MOST_BYTES >> 20} MB of copies")
+        return copy
 
 
 def _finished(value: Any) -> Any:
     """A value with its arrays, wherever they are in lists, tuples and dictionaries, each of which is visited once."""
-    seen: set[int] = set()
+    done: dict[int, tuple[Any, Any]] = {}  # by address; each with the value itself, lest another one gets that address
 
     def walk(value: Any) -> Any:
         if isinstance(value, _Array):
@@ -184,11 +190,12 @@ def _finished(value: Any) -> Any:
             raise ValueError("a name where a value should be")
         if not isinstance(value, dict | list | tuple):
             return value
+        if id(value) in done:  # type: ignore[reportUnknownArgumentType]
+            return done[id(value)][1]  # type: ignore[reportUnknownArgumentType]
         if isinstance(value, tuple):
-            return tuple(walk(each) for each in value)  # type: ignore[reportUnknownVariableType]
-        if id(value) in seen:
-            return value  # type: ignore[reportUnknownVariableType]
-        seen.add(id(value))  # type: ignore[reportUnknownArgumentType]
+            done[id(value)] = value, tuple(walk(each) for each in value)  # type: ignore[reportUnknownArgumentType]
+            return done[id(value)][1]  # type: ignore[reportUnknownArgumentType]
+        done[id(value)] = value, value  # type: ignore[reportUnknownArgumentType]
         places = value.items() if isinstance(value, dict) else enumerate(value)  # type: ignore[reportUnknownArgumentType]
         for key, each in list(places):  # type: ignore[reportUnknownVariableType,reportUnknownArgumentType]
             if isinstance(each, _Array | _Name | dict | list | tuple | np.dtype):
@@ -198,21 +205,17 @@ def _finished(value: Any) -> Any:
     return walk(value)
 
 
-def _mark(machine: _Machine, _: Any) -> None:
-    machine.marks.append(len(machine.stack))
-
-
 def _set_items(machine: _Machine, values: list[Any]) -> None:
     target = machine.stack[-1]
     if not isinstance(target, dict):
         raise machine.refused("items of an object")
-    target.update(zip(values[::2], values[1::2], strict=True))  # type: ignore[reportUnknownMemberType]
+    target.update(_pairs(values))  # type: ignore[reportUnknownMemberType]
 
 
 def _extend(machine: _Machine, values: list[Any]) -> None:
     target = machine.stack[-1]
     if isinstance(target, set):
-        target.update(values)  # type: ignore[reportUnknownMemberType]
+        target.update(_keys(values))  # type: ignore[reportUnknownMemberType]
     elif isinstance(target, list):
         target.extend(values)  # type: ignore[reportUnknownMemberType]
     else:
@@ -233,11 +236,7 @@ def _of_mark(make: Callable[[list[Any]], Any]) -> Callable[[_Machine, Any], None
 
 
 def _of_last(count: int) -> Callable[[_Machine, Any], None]:
-    def act(machine: _Machine, _: Any) -> None:
-        values = [machine.pop() for _ in range(count)][::-1]
-        machine.stack.append(tuple(values))
-
-    return act
+    return lambda machine, _: machine.stack.append(tuple([machine.pop() for _ in range(count)][::-1]))
 
 
 def _pair_item(machine: _Machine, _: Any) -> None:
@@ -251,7 +250,14 @@ def _one_item(machine: _Machine, _: Any) -> None:
 
 
 def _pairs(values: list[Any]) -> dict[Any, Any]:
-    return dict(zip(values[::2], values[1::2], strict=True))
+    return dict(zip(_keys(values[::2]), values[1::2], strict=True))
+
+
+def _keys(values: list[Any]) -> list[Any]:
+    """The same, words and numbers: Python's hash of tuples in tuples may take for ever, or crash."""
+    if not all(isinstance(value, str | int | float | bytes | None) for value in values):
+        raise ValueError("a key that is no word or number")
+    return values
 
 
 IGNORED = {"PROTO", "FRAME"}
@@ -261,7 +267,7 @@ CONSTANTS = {
     *("BINBYTES", "SHORT_BINBYTES", "BINBYTES8", "BYTEARRAY8"),
 }
 ACTIONS: dict[str, Callable[[_Machine, Any], object]] = {
-    "MARK": _mark,
+    "MARK": lambda machine, _: machine.marks.append(len(machine.stack)),
     "POP": lambda machine, _: machine.pop(),
     "POP_MARK": lambda machine, _: machine.popped_mark(),
     "DUP": lambda machine, _: machine.stack.append(machine.stack[-1]),
@@ -275,7 +281,7 @@ ACTIONS: dict[str, Callable[[_Machine, Any], object]] = {
     "DICT": _of_mark(_pairs),
     "LIST": _of_mark(list),
     "TUPLE": _of_mark(tuple),
-    "FROZENSET": _of_mark(frozenset),
+    "FROZENSET": _of_mark(lambda values: frozenset(_keys(values))),
     "TUPLE1": _of_last(1),
     "TUPLE2": _of_last(2),
     "TUPLE3": _of_last(3),
@@ -284,13 +290,8 @@ ACTIONS: dict[str, Callable[[_Machine, Any], object]] = {
     "APPEND": _one_item,
     "APPENDS": lambda machine, _: _extend(machine, machine.popped_mark()),
     "ADDITEMS": lambda machine, _: _extend(machine, machine.popped_mark()),
-    "PUT": _memoize,
-    "BINPUT": _memoize,
-    "LONG_BINPUT": _memoize,
-    "MEMOIZE": _memoize,
-    "GET": lambda machine, place: machine.stack.append(machine.memo[place]),
-    "BINGET": lambda machine, place: machine.stack.append(machine.memo[place]),
-    "LONG_BINGET": lambda machine, place: machine.stack.append(machine.memo[place]),
+    **dict.fromkeys(("PUT", "BINPUT", "LONG_BINPUT", "MEMOIZE"), _memoize),
+    **dict.fromkeys(("GET", "BINGET", "LONG_BINGET"), lambda machine, place: machine.stack.append(machine.memo[place])),
     "GLOBAL": lambda machine, names: machine.name(".".join(names.split(" "))),
     "STACK_GLOBAL": _stack_name,
     "REDUCE": lambda machine, _: machine.call(),

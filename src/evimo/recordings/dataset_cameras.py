@@ -61,7 +61,7 @@ def camera_of(numbers: dict[str, Any], size: tuple[int, int], convention: str, w
         if convention in (MIRRORED, RENDERED):
             cx, cy = width - 1 - cx, height - 1 - cy
         return Camera(fx, fy, cx, cy, height, width, distortion, "fisheye" if fisheye else "radtan")
-    except (KeyError, TypeError, ValueError, BadInput) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, BadInput) as error:
         why = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
         raise BadFile(f"{where}['meta'] holds no camera: {why}", fix=COPY) from error
 

@@ -95,8 +95,9 @@ def paths_of(times_us: NDArray[np.int64], world_from_cam: F8, cam_from_object: d
         world_from_object[stale(world_from_object)] = np.nan
         known = np.isfinite(world_from_object).all(axis=(1, 2))
         objects[key] = fit_trajectory(times_us[known], world_from_object[known])
-    moving = {key: moving_of(path.at(times_us)) for key, path in objects.items()}
-    return Paths(camera, objects, np.asarray(times_us, np.int64), moving)
+    steps_us = np.unique(np.asarray(times_us, np.int64))  # rising, even where samples went back in time
+    moving = {key: moving_of(path.at(steps_us)) for key, path in objects.items()}
+    return Paths(camera, objects, steps_us, moving)
 
 
 def moving_of(motion: Motion) -> NDArray[np.bool_]:
