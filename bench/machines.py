@@ -32,7 +32,7 @@ AS_NOBODY = [
     *("env", "-i", "PATH=/usr/bin:/bin", "HOME=/nonexistent", "LANG=C.UTF-8", f"PYTHONPATH={ROOT / 'src'}"),
 ]
 SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
-COMMANDS = ("info", "run", "view", "evaluate", "evaluate --truth", "realism", "simulate", "train")
+COMMANDS = ("info", "run", "view", "evaluate", "evaluate --truth", "realism", "simulate", "benchmark", "train")
 LONGEST_S = 600
 
 
@@ -59,6 +59,7 @@ class Inputs:
             "evaluate --truth": [str(self.masks), "--truth", films[0], "--out", str(out)],
             "realism": [str(self.recording), "--simulated", str(self.simulated), "--out", str(out)],
             "simulate": [*made, "--out", str(out)],
+            "benchmark": [*(made[:2] if long else ("--data", films[0])), "--models", self.model, "--out", str(out)],
             "train": [*used, "--steps", "9999" if long else "2", "--preset", "tiny", "--batch", "1", "--out", str(out)],
         }
         return [command.split()[0], *each[command]]

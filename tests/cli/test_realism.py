@@ -71,7 +71,7 @@ def test_many_real_recordings_share_a_curve(recording, simulated, tmp_path):
 
 @pytest.mark.parametrize(
     ("missing", "words"),
-    [("real", "no real recording given"), ("simulated", "no recording in"), ("file", "there is no")],
+    [("real", "no real recording given"), ("simulated", "no recording with truth in"), ("file", "there is no")],
 )
 def test_what_is_missing_is_one_error(missing, words, recording, simulated, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
