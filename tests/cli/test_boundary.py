@@ -99,3 +99,20 @@ def test_ctrl_c_without_a_handler_of_ours(capsys):
     assert outcome(fails_with(KeyboardInterrupt())) == 130
     assert outcome(fails_with(Stopped(signal.SIGTERM))) == 143
     assert capsys.readouterr().err == "interrupted\nended by SIGTERM\n"
+
+
+def test_a_signal_inside_compiled_code_ends_a_command_as_others_do(capsys):
+    """Numba's loader is C code that returns although an exception is set: Python then says SystemError, several times."""
+
+    def loads():
+        try:
+            try:
+                raise Stopped(signal.SIGTERM)
+            except Stopped as error:
+                raise SystemError("returned a result with an exception set") from error
+        except SystemError as error:
+            raise SystemError("returned a result with an exception set") from error
+
+    assert outcome(loads) == 128 + signal.SIGTERM
+    assert capsys.readouterr().err == "ended by SIGTERM\n"
+    assert outcome(fails_with(SystemError("of its own"))) == 1

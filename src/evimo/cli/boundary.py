@@ -37,8 +37,15 @@ def outcome(command: Callable[[], object], *, place: Callable[[], object] = lamb
                 code = command()
                 sys.stdout.flush()
         except BaseException as error:
-            return _told(error, place)
+            return _told(_signal_behind(error) or error, place)
         return code if isinstance(code, int) else 0
+
+
+def _signal_behind(error: BaseException) -> Stopped | None:
+    """The signal that arrived inside compiled code, which passes it on as its own fault; None for other errors."""
+    while isinstance(error, SystemError) and (cause := error.__cause__ or error.__context__) is not None:
+        error = cause
+    return error if isinstance(error, Stopped) else None
 
 
 def _told(error: BaseException, place: Callable[[], object]) -> int:
