@@ -102,7 +102,7 @@ def test_ctrl_c_without_a_handler_of_ours(capsys):
 
 
 def test_a_signal_inside_compiled_code_ends_a_command_as_others_do(capsys):
-    """Numba's loader is C code that returns although an exception is set: Python then says SystemError, several times."""
+    """Numba's loader is C code that returns although an exception is set; Python then says SystemError, twice over."""
 
     def loads():
         try:
