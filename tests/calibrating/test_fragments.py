@@ -1,5 +1,7 @@
 """Fragments of a known room, tracked a little wrongly, come together again where motion capture has them on average."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,7 +12,7 @@ from evimo.cli import main
 from evimo.geometry.camera import Camera
 
 SIZE = np.array((4.0, 3.0, 2.5))
-needs_icp = pytest.mark.skipif("not __import__('importlib').util.find_spec('small_gicp')", reason="needs small-gicp")
+needs_icp = pytest.mark.skipif(find_spec("small_gicp") is None, reason="needs small-gicp")
 
 
 def room_points(rng, count):

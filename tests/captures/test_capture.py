@@ -121,3 +121,10 @@ def test_aliases_cannot_grow_without_end(tmp_path):
     (tmp_path / "capture.yaml").write_text("\n".join(lines))
     with pytest.raises(BadFile, match="more than 10,000 entries"):
         load_entries(tmp_path / "capture.yaml")
+
+
+def test_a_body_in_two_files_is_refused_and_not_chosen_in_silence(folder):
+    (folder / "again.csv").write_text((folder / "mocap.csv").read_text())
+    (folder / "capture.yaml").write_text(GOOD.replace("[mocap.csv]", "[mocap.csv, again.csv]"))
+    with pytest.raises(BadFile, match=r"again\.csv: body 'Object_1' is in a file of this capture before it"):
+        open_capture(folder).tracks()

@@ -1,7 +1,9 @@
 """Captures: folders in which `capture.yaml` says which files belong together, and how they fit (docs/captures.md)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from evimo.captures.entries import Entry, load_entries, merged
 from evimo.captures.mocap import is_bag, load_markers, load_tracks
 from evimo.captures.scans import UNITS, Scan, load_scan
 from evimo.captures.tracks import MarkerTracks, MocapTrack
-from evimo.errors import BadInput, NotFound
+from evimo.errors import BadFile, BadInput, NotFound
 from evimo.formats import open_events
 from evimo.formats.event_file import EventFile
 from evimo.formats.sensors import sensor_size
@@ -19,6 +21,7 @@ from evimo.geometry.calibration import load_camera
 from evimo.geometry.camera import Camera, Lens
 
 F8 = NDArray[np.float64]
+Track = TypeVar("Track", MocapTrack, MarkerTracks)
 
 CAPTURE = "capture.yaml"
 READING = ("sensor", "time_unit", "columns", "topic")
@@ -151,7 +154,7 @@ class Capture:
         """
         found: dict[str, MocapTrack] = {}
         for path in self.mocap:
-            found |= load_tracks(path, in_clock_of=self._clock(path))
+            found |= _of_others(load_tracks(path, in_clock_of=self._clock(path)), found, path)
         wanted = [self.camera.body, *(each.body for each in self.objects), *others]
         for body in wanted:
             if body not in found:
@@ -166,12 +169,23 @@ class Capture:
         """
         found: dict[str, MarkerTracks] = {}
         for path in self.markers or [path for path in self.mocap if is_bag(path)]:
-            found |= load_markers(path, in_clock_of=self._clock(path))
+            found |= _of_others(load_markers(path, in_clock_of=self._clock(path)), found, path)
         return {body: track.shifted(self.offset_us) for body, track in found.items()}
 
     def _clock(self, path: Path) -> str | None:
         """The topic of events whose clock times are brought to, where they are in the same bag."""
         return (self.recording.topic or "") if path == self.recording.path else None
+
+
+def _of_others(more: dict[str, Track], found: Mapping[str, Track], path: Path) -> dict[str, Track]:
+    """What a further file tells, which must be of other bodies: nothing says which of two files is right.
+
+    Raises:
+        BadFile: a body is in an earlier file, too.
+    """
+    if twice := sorted(found.keys() & more.keys()):
+        raise BadFile(f"{path}: body {twice[0]!r} is in a file of this capture before it, too", fix="one file per body")
+    return more
 
 
 def open_capture(path: str | Path) -> Capture:

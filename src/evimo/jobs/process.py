@@ -2,6 +2,7 @@
 
 Jobs come on its standard input, outcomes go to its standard output; its parent is `evimo.jobs.processes`. It ends when
 its input does, and also when nobody holds the hidden FOLDER any more, by which the command lives on another machine.
+Both pipes are between two processes of ours, as those of `multiprocessing` are: no file is ever unpickled here.
 """
 
 import os

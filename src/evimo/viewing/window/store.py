@@ -170,9 +170,11 @@ def new_store(path: Path, *, name: str, fix: str) -> Generator[Store]:
         fix: of the error that a disk causes.
 
     Raises:
-        MissingExtra: Rerun is not installed. BadInput: the file cannot be written, or the disk is full.
+        MissingExtra: Rerun is not installed. BadInput: the file cannot be written, the disk is full, or on Windows.
     """
     installed_rerun()
+    if not Path("/dev/fd").exists():
+        raise BadInput("the window needs a system with /dev/fd, as Linux and macOS are", fix="--save FILE.mp4, a video")
     with new_file(path, fix=fix) as unfinished:
         store = Store(unfinished, name=name)
         try:
