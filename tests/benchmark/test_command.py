@@ -7,6 +7,7 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pytest import approx
 
@@ -169,6 +170,18 @@ def test_other_weights_of_the_same_name_are_scored_anew(no_page, command, runs, 
     monkeypatch.setattr("evimo.benchmark.cases.model_of", Trained)
     main(command)
     assert [model for model, _ in runs[8:]] == ["half"] * 4
+
+
+def test_a_changed_truth_is_scored_anew(no_page, command, runs, recordings, tmp_path):
+    """As many instants, events and facts as before; the object is gone from the masks of one recording."""
+    main(command)
+    mask = recordings / "table" / "c" / "dataset_mask.npz"
+    with np.load(mask) as maps:
+        emptied = {name: np.zeros_like(maps[name]) for name in maps.files}
+    np.savez_compressed(mask, **emptied)
+    main(command)
+    assert runs[8:] == [("half", "c"), ("perfect", "c")]
+    assert ("II", "table", "perfect", "iou") not in values_in(tmp_path / "out")
 
 
 @pytest.mark.parametrize(
