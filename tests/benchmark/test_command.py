@@ -111,6 +111,15 @@ def test_names_of_files_are_neither_formulas_nor_html(command, recordings, saved
     assert r"$\nothing$&lt;i&gt;" in text and "<i>" not in text
 
 
+def test_legends_name_every_model(command, tmp_path):
+    assert main([*command, "_mine"]) == 0
+    drawings = re.findall(r"<svg.*?</svg>", (tmp_path / "out" / "benchmark.html").read_text(), flags=re.DOTALL)
+    assert len(drawings) == 7
+    for drawing in drawings:
+        texts = [text.strip("\u200b") for text in re.findall(r"<text[^>]*>([^<]*)</text>", drawing)]
+        assert {"half", "perfect", "_mine"} <= set(texts)
+
+
 def test_what_was_scored_is_not_scored_again(no_page, command, runs, tmp_path):
     main(command)
     first = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
@@ -205,6 +214,29 @@ def test_folders_of_ev_imo_name_the_background(no_page, runs, saved, tmp_path):
     saved(tmp_path / "eval" / "wall" / "seq_00", background=None)
     assert main(["benchmark", "--data", str(tmp_path / "eval"), "--out", str(tmp_path / "out"), *MODELS]) == 0
     assert ("II", "wall", "half", "iou") in values_in(tmp_path / "out")
+
+
+def test_recordings_of_no_known_background_have_a_block_of_their_own(no_page, command, recordings, saved, tmp_path):
+    for k in range(2):
+        saved(recordings / f"mine{k}", background=None)
+    assert main(command) == 0
+    values = values_in(tmp_path / "out")
+    scenes = {table: {scene for key, scene, *_ in values if key == table} for table in ("II", "III", "IV")}
+    both = {"wall", "table", "other recordings"}
+    assert scenes == {"II": both, "III": {"planar"}, "IV": both}
+    assert values["II", "other recordings", "half", "iou"] == approx(50 / 140)
+    rows = csv.DictReader(io.StringIO((tmp_path / "out" / "benchmark.csv").read_text()))
+    kept = {(row["table"], row["scene"]): row["samples"] for row in rows if row["score"] in ("iou", "abs_rel")}
+    assert kept["II", "other recordings"] == kept["IV", "other recordings"] == "8"  # slices of two recordings
+
+
+def test_recordings_that_no_table_of_the_paper_has_are_in_it_all_the_same(no_page, runs, saved, tmp_path):
+    """Boxes are in Table IV of the paper alone; who has nothing else sees their masks."""
+    saved(tmp_path / "mine" / "first", background="box")
+    assert main(["benchmark", "--data", str(tmp_path / "mine"), "--out", str(tmp_path / "out"), *MODELS]) == 0
+    values = values_in(tmp_path / "out")
+    assert values["II", "all recordings", "half", "iou"] == approx(50 / 140)
+    assert {scene for table, scene, *_ in values if table == "IV"} == {"box"}
 
 
 def test_recordings_of_no_known_background_are_one_scene(runs, saved, tmp_path):

@@ -25,6 +25,7 @@ COLOURS = ("#1b5fc1", "#0f9d8a", "#e08a1e", "#8e5bd0", "#d1495b", "#5c6b7a")
 MARKERS = "osD^vP"
 GREY, RULE, INK = "#8a929c", "#e3e6ea", "#20262e"
 HALF = LEVELS // 2
+BEYOND = " The first and the last point hold everything beyond them."
 STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # names of files and models are no formulas
     "svg.fonttype": "none",  # text stays text: it can be searched, and the page's font is used
@@ -74,7 +75,7 @@ def _precision_recall(result: Result) -> Plot | None:
         for k, (model, curves) in enumerate(lines.items()):
             colour = _colour(result, model)
             recall, precision = _pairs(curves)
-            axes.plot(recall, precision, color=colour, label=model, linewidth=1.8)
+            axes.plot(recall, precision, color=colour, label=_label(model), linewidth=1.8)
             at = [curves[name][str(HALF)].value or 0 for name in (RECALL, PRECISION)]
             axes.plot(*at, color=colour, marker=MARKERS[k % len(MARKERS)], markersize=7)
         axes.set(xlabel="recall", ylabel="precision", xlim=(0, 1), ylim=(0, 1.02))
@@ -116,7 +117,10 @@ def _stratified(
         for k, (model, each) in enumerate(values.items()):
             known = [(at, value) for at, value in enumerate(each) if value is not None]
             axes.plot(
-                *zip(*known, strict=True), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=model
+                *zip(*known, strict=True),
+                color=_colour(result, model),
+                marker=MARKERS[k % len(MARKERS)],
+                label=_label(model),
             )
         axes.set_xticks(range(len(words)), words)
         axes.set(xlabel=label, ylabel="IoU", ylim=(0, 1))
@@ -132,21 +136,21 @@ def _over_bins(result: Result) -> Iterator[Plot | None]:
         DEPTH,
         trivial=CONSTANT_DEPTH,
         words=("Depth error over depth", "true depth, m", "mean |error| / true depth"),
-        caption="Pixels by their true depth, each frame at its median scale; one depth is right at one depth.",
+        caption="Pixels by their true depth, each frame at its median scale; one depth is right at one depth." + BEYOND,
     )
     yield _binned(
         result,
         TURNING,
         trivial=ZERO_TWIST,
         words=("Rotation error over rotation", "how fast the camera turns, rad/s", "RRE, rad/s"),
-        caption="Slices by the true rotation of the camera; above the dashed line, saying nothing is better.",
+        caption="Slices by the true rotation of the camera; above the dashed line, saying nothing is better." + BEYOND,
     )
     yield _binned(
         result,
         SPEED,
         trivial=ZERO_TWIST,
         words=("Velocity error over speed", "how fast the camera moves, m/s", "AEE at the scale of the depths, m/s"),
-        caption="Slices by the true speed of the camera; above the dashed line, saying nothing is better.",
+        caption="Slices by the true speed of the camera; above the dashed line, saying nothing is better." + BEYOND,
     )
 
 
@@ -166,7 +170,9 @@ def _binned(result: Result, name: str, *, trivial: str, words: tuple[str, str, s
     def draw(axes: "Axes") -> None:
         axes.plot(*points(nothing), color=GREY, linestyle="--", label=trivial)
         for k, (model, curve) in enumerate(curves.items()):
-            axes.plot(*points(curve), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=model)
+            axes.plot(
+                *points(curve), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=_label(model)
+            )
         axes.set(xlabel=words[1], ylabel=words[2], ylim=(0, None), xlim=(0, None))
         axes.legend(loc="best")
 
@@ -193,7 +199,7 @@ def _by_sequence(result: Result) -> Plot | None:
                 linestyle="none",
                 markersize=6,
                 alpha=0.9,
-                label=model,
+                label=_label(model),
             )
         starts = [at for at, scene in enumerate(scenes) if at == 0 or scene != scenes[at - 1]]
         for start, stop in zip(starts, [*starts[1:], len(scenes)], strict=True):
@@ -211,6 +217,11 @@ def _by_sequence(result: Result) -> Plot | None:
 
 def _short(name: str) -> str:
     return name.rsplit("/", 1)[-1].removesuffix(".npz")
+
+
+def _label(model: str) -> str:
+    """The name in a legend, which leaves out whatever begins with an underscore."""
+    return f"\u200b{model}" if model.startswith("_") else model
 
 
 def _colour(result: Result, model: str) -> str:

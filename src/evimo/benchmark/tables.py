@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from evimo.benchmark.paper import CLASSIC, DEPTH, MOTION, PaperTable
-from evimo.benchmark.scenes import ALL, SCENES
+from evimo.benchmark.scenes import ALL, ELSE, OTHER, PLANAR, SCENES
 from evimo.benchmark.tally import Tally
 from evimo.evaluation import baselines, ceilings
 from evimo.evaluation.column import Column
@@ -22,6 +22,7 @@ class Layout:
 
     key: of files and anchors. scenes: those of the paper, in its order. columns: names of scores.
     trivial: rows of answers and ceilings that stand beside the models. paper: what the paper says.
+    others: whether recordings of no scene of the paper's have a block, too.
     """
 
     key: str
@@ -31,6 +32,7 @@ class Layout:
     columns: tuple[str, ...]
     trivial: tuple[str, ...]
     paper: PaperTable
+    others: bool = True
 
 
 LAYOUTS = (
@@ -48,10 +50,11 @@ LAYOUTS = (
         "III",
         "Against four-parameter motion compensation",
         "Recordings that suit the classical method: one plane, no objects, no roll or pitch.",
-        ("planar",),
+        (PLANAR,),
         ("camera_aee", "camera_aee_depth", "camera_rre", "direction"),
         (baselines.ZERO_TWIST,),
         CLASSIC,
+        others=False,
     ),
     Layout(
         "IV",
@@ -115,40 +118,42 @@ def value_of(row: Row, column: Column) -> float | None:
 
 
 def tables_of(kept: Kept, *, models: Sequence[str], trivial: str) -> list[ResultTable]:
-    """The paper's tables, of the scenes that there are; where none is the paper's, all recordings together are one."""
+    """The paper's tables, of the scenes that there are; other recordings are together in a block of their own."""
     here = {scene for tallies in kept.values() for scene in tallies}
     tables: list[ResultTable] = []
     for layout in LAYOUTS:
-        scenes = [scene for scene in layout.scenes if scene in here]
-        if not scenes and here.isdisjoint(SCENES):
-            scenes = [ALL]
+        blocks: list[Block] = []
+        for scene, members in _scenes(layout, here).items():
+            tallies = {name: total(each[k] for k in members if k in each) for name, each in kept.items()}
+            title = SCENES[scene].title if scene in SCENES else scene
+            blocks.append(Block(scene, title, tuple(_rows(layout, tallies, models, trivial))))
         columns = tuple(BY_NAME[name] for name in layout.columns)
-        blocks = [
-            Block(
-                scene,
-                SCENES[scene].title if scene in SCENES else scene,
-                tuple(_rows(layout, kept, scene, models, trivial)),
-            )
-            for scene in scenes
-        ]
         tables.append(ResultTable(layout, columns, tuple(block for block in blocks if block.rows)))
     return [table for table in tables if table.blocks]
 
 
-def _rows(layout: Layout, kept: Kept, scene: str, models: Sequence[str], trivial: str) -> Iterator[Row]:
+def _scenes(layout: Layout, here: set[str]) -> dict[str, list[str]]:
+    """The blocks of a table by name, each with the scenes in it.
+
+    What is not the paper's has a block where nothing else would tell of it: of backgrounds that nobody knows, or where
+    there is no other block.
+    """
+    blocks = {scene: [scene] for scene in layout.scenes if scene in here}
+    left = sorted(here - {*layout.scenes, PLANAR})
+    if layout.others and left and (OTHER in left or not blocks):
+        blocks[ELSE if blocks else ALL] = left
+    return blocks
+
+
+def _rows(layout: Layout, tallies: Mapping[str, Tally], models: Sequence[str], trivial: str) -> Iterator[Row]:
     for model in models:
-        rows = of_scene(kept[model], scene).rows
+        rows = tallies[model].rows
         if any(name in rows.get(MODEL, {}) for name in layout.columns):
             yield Row(model, "model", rows[MODEL])
-    rows = of_scene(kept[trivial], scene).rows
+    rows = tallies[trivial].rows
     for name in layout.trivial:
         if any(column in rows.get(name, {}) for column in layout.columns):
             yield Row(name, "ceiling" if name in ceilings.ROWS else "trivial", rows[name])
-
-
-def of_scene(tallies: Mapping[str, Tally], scene: str) -> Tally:
-    """What is kept of one scene, or of all of them."""
-    return total(tallies.values()) if scene == ALL else tallies.get(scene, Tally())
 
 
 def total(tallies: Iterable[Tally]) -> Tally:
