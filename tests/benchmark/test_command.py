@@ -73,7 +73,7 @@ def test_reports_say_how_it_was_measured(no_page, command, tmp_path, capsys):
     page = (tmp_path / "out" / "benchmark.md").read_text()
     for fact in ("25 ms", "3 cm/s", "0.5", "digest of half", "seeds 7 to 8", "true norm per slice", "samples kept"):
         assert fact in page, fact
-    assert "4 slices, 4 slices with movers, seeds 9 to 9" in page
+    assert "4 slices, 4 slices with movers, seed 9" in page
     printed = capsys.readouterr().out
     assert "Table III" in printed and "saved in" in printed
 
@@ -237,6 +237,15 @@ def test_recordings_that_no_table_of_the_paper_has_are_in_it_all_the_same(no_pag
     values = values_in(tmp_path / "out")
     assert values["II", "all recordings", "half", "iou"] == approx(50 / 140)
     assert {scene for table, scene, *_ in values if table == "IV"} == {"box"}
+    assert "As in the paper, without" not in (tmp_path / "out" / "benchmark.md").read_text()
+
+
+def test_a_table_says_which_recordings_the_papers_has_not(no_page, command, recordings, saved, tmp_path):
+    saved(recordings / "boxes", background="box")
+    assert main(command) == 0
+    page = (tmp_path / "out" / "benchmark.md").read_text()
+    assert page.count("As in the paper, without recordings of: boxes.") == page.count("As in the paper, without") == 1
+    assert page.index("As in the paper, without") < page.index("## Table III")
 
 
 def test_recordings_of_no_known_background_are_one_scene(runs, saved, tmp_path):

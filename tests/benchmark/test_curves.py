@@ -85,6 +85,8 @@ def test_tallies_add_up_and_come_back_from_json(saved, tmp_path):
         ((0.3, 0.2), 0.3, "iou", set()),
         ((0.3, 0.2), 0.1, "iou", {"a"}),
         ((0.3, 0.3), 0.1, "iou", {"a", "b"}),
+        ((0.3002, 0.3004), 0.1, "iou", {"a", "b"}),  # printed alike
+        ((0.3004, 0.2), 0.3, "iou", set()),
         ((0.3, 0.2), 0.4, "abs_rel", {"b"}),
         ((0.3, 0.2), 0.2, "abs_rel", set()),
     ],

@@ -79,7 +79,7 @@ def _precision_recall(result: Result) -> Plot | None:
             at = [curves[name][str(HALF)].value or 0 for name in (RECALL, PRECISION)]
             axes.plot(*at, color=colour, marker=MARKERS[k % len(MARKERS)], markersize=7)
         axes.set(xlabel="recall", ylabel="precision", xlim=(0, 1), ylim=(0, 1.02))
-        axes.legend(loc="lower left")
+        _legend(axes)
 
     caption = "Moving pixels, pooled over all scored pixels; the marks are at the threshold of ½ that all tables use."
     return _plot("Precision and recall", caption, draw) if lines else None
@@ -124,7 +124,7 @@ def _stratified(
             )
         axes.set_xticks(range(len(words)), words)
         axes.set(xlabel=label, ylabel="IoU", ylim=(0, 1))
-        axes.legend(loc="best")
+        _legend(axes)
 
     caption = "Mean over the frames that show such a mover; pixels of other movers are left out."
     return _plot(title, caption, draw)
@@ -168,13 +168,15 @@ def _binned(result: Result, name: str, *, trivial: str, words: tuple[str, str, s
         return [x for x, _ in known], [y for _, y in known]
 
     def draw(axes: "Axes") -> None:
-        axes.plot(*points(nothing), color=GREY, linestyle="--", label=trivial)
+        axes.plot(
+            *points(nothing), color=GREY, linestyle="--", label=trivial, zorder=3
+        )  # seen where models are no better
         for k, (model, curve) in enumerate(curves.items()):
             axes.plot(
                 *points(curve), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=_label(model)
             )
         axes.set(xlabel=words[1], ylabel=words[2], ylim=(0, None), xlim=(0, None))
-        axes.legend(loc="best")
+        _legend(axes)
 
     return _plot(words[0], caption, draw) if curves else None
 
@@ -217,6 +219,11 @@ def _by_sequence(result: Result) -> Plot | None:
 
 def _short(name: str) -> str:
     return name.rsplit("/", 1)[-1].removesuffix(".npz")
+
+
+def _legend(axes: "Axes") -> None:
+    """Above the plot, where it hides nothing."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
 
 
 def _label(model: str) -> str:

@@ -117,5 +117,7 @@ def _seeds(group: Sequence[cases.Sequence]) -> str:
     seeds = sorted(seed for sequence in group if isinstance(seed := sequence.recording.meta.get("seed"), int))
     if len(seeds) < len(group):
         return ""
+    if len(seeds) == 1:
+        return f", seed {seeds[0]}"
     whole = seeds[-1] - seeds[0] + 1 == len(seeds)
     return f", seeds {seeds[0]} to {seeds[-1]}" if whole else f", seeds {', '.join(map(str, seeds))}"

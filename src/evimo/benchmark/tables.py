@@ -87,9 +87,9 @@ class Block:
     rows: tuple[Row, ...]
 
     def best(self, column: Column) -> set[str]:
-        """The models with the best value of that column, if that is better than what every trivial answer has."""
+        """The models with the best printed value of that column, if that beats what every trivial answer has."""
         sign = 1 if column.better == "higher" else -1
-        values = {row.name: sign * value for row in self.rows if (value := value_of(row, column)) is not None}
+        values = {row.name: sign * value for row in self.rows if (value := printed(row, column)) is not None}
         kinds = {row.name: row.kind for row in self.rows}
         models = [value for name, value in values.items() if kinds[name] == "model"]
         trivial = [value for name, value in values.items() if kinds[name] == "trivial"]
@@ -104,11 +104,18 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class ResultTable:
-    """One table of our own numbers."""
+    """One table of our own numbers. left_out: titles of scenes that there are, and that the paper's table has not."""
 
     layout: Layout
     columns: tuple[Column, ...]
     blocks: tuple[Block, ...]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def about(self) -> str:
+        """What the table shows, and what it does not."""
+        without = f" As in the paper, without recordings of: {', '.join(self.left_out)}." if self.left_out else ""
+        return self.layout.about + without
 
 
 def value_of(row: Row, column: Column) -> float | None:
@@ -117,18 +124,27 @@ def value_of(row: Row, column: Column) -> float | None:
     return score.value if score else None
 
 
+def printed(row: Row, column: Column) -> float | None:
+    """The same to as many digits as are printed: what looks equal is equal."""
+    value = value_of(row, column)
+    return None if value is None else round(value, column.digits)
+
+
 def tables_of(kept: Kept, *, models: Sequence[str], trivial: str) -> list[ResultTable]:
     """The paper's tables, of the scenes that there are; other recordings are together in a block of their own."""
     here = {scene for tallies in kept.values() for scene in tallies}
     tables: list[ResultTable] = []
     for layout in LAYOUTS:
         blocks: list[Block] = []
-        for scene, members in _scenes(layout, here).items():
+        scenes = _scenes(layout, here)
+        for scene, members in scenes.items():
             tallies = {name: total(each[k] for k in members if k in each) for name, each in kept.items()}
             title = SCENES[scene].title if scene in SCENES else scene
             blocks.append(Block(scene, title, tuple(_rows(layout, tallies, models, trivial))))
         columns = tuple(BY_NAME[name] for name in layout.columns)
-        tables.append(ResultTable(layout, columns, tuple(block for block in blocks if block.rows)))
+        shown = {PLANAR, *(scene for members in scenes.values() for scene in members)}
+        left_out = tuple(SCENES[scene].title for scene in SCENES if layout.others and scene in here - shown)
+        tables.append(ResultTable(layout, columns, tuple(block for block in blocks if block.rows), left_out))
     return [table for table in tables if table.blocks]
 
 

@@ -75,12 +75,9 @@ def evaluate(
         for recording, path, report, facts in zip(opened, kept, reports, told, strict=True):
             if report is None:
                 estimates = run(recording.events, model=model, camera=recording.camera, imu=imu)
-                scored = score_recording(
-                    recording,
-                    _ticked(labelled_estimates(recording, estimates), tick),
-                    density_threshold=density_threshold,
-                    groups=groups_of(recording.meta),
-                )
+                slices = _ticked(labelled_estimates(recording, estimates), tick)
+                groups = groups_of(recording.meta)
+                scored = score_recording(recording, slices, density_threshold=density_threshold, groups=groups)
                 report = replace(scored, settings=facts)
                 if path is not None:
                     report.save(path)
