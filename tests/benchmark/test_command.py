@@ -1,9 +1,11 @@
 """`evimo benchmark` on recordings made by hand, with models that know the truth or half of it."""
 
 import csv
+import gc
 import io
 import json
 import re
+import weakref
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -130,6 +132,23 @@ def test_what_was_scored_is_not_scored_again(no_page, command, runs, tmp_path):
     next((tmp_path / "out" / "scores" / "half").glob("table_c-*.json")).write_text('{"of": ')  # cut short by a crash
     main(command)
     assert runs[8:] == [("half", "c")]
+
+
+def test_recordings_are_let_go_once_they_are_scored(no_page, command, runs, monkeypatch):
+    """Their events are mapped into memory, hours of them if they stayed open."""
+    from evimo.benchmark import cases
+
+    seen, tallies_of = [], cases.tallies_of
+
+    def watched(recording, models, tick):
+        gc.collect()
+        assert not [left for left in seen if left() is not None]
+        seen.append(weakref.ref(recording))
+        return tallies_of(recording, models, tick)
+
+    monkeypatch.setattr(cases, "tallies_of", watched)
+    assert main(command) == 0
+    assert len(seen) == 4
 
 
 def test_a_benchmark_that_was_interrupted_goes_on(command, runs, tmp_path, monkeypatch):

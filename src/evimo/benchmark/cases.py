@@ -113,7 +113,8 @@ def scored(
     missing = {rival.name: rival for rival in rivals if rival.name not in tallies}
     if missing:
         models = {name: rival.model for name, rival in missing.items()}
-        for name, tally in tallies_of(sequence.recording, models, lambda: advance(len(models), True)).items():
+        recording = open_recording(sequence.recording.path)  # anew: what it maps is given back when it is done
+        for name, tally in tallies_of(recording, models, lambda: advance(len(models), True)).items():
             kept.keep(missing[name], sequence, tally)
             tallies[name] = tally
     return tallies

@@ -72,8 +72,9 @@ def evaluate(
     reports = [_scored_before(path, each) for path, each in zip(kept, told, strict=True)]
     total = Report()
     with progress(sum(len(each) for each, report in zip(opened, reports, strict=True) if report is None)) as tick:
-        for recording, path, report, facts in zip(opened, kept, reports, told, strict=True):
+        for known, path, report, facts in zip(opened, kept, reports, told, strict=True):
             if report is None:
+                recording = open_recording(known.path)  # anew: what it maps is given back when it is done
                 estimates = run(recording.events, model=model, camera=recording.camera, imu=imu)
                 slices = _ticked(labelled_estimates(recording, estimates), tick)
                 groups = groups_of(recording.meta)
