@@ -150,17 +150,18 @@ def _sample(
     ids, depth = recording.ids[middle], window.half(recording.depth[middle]).astype(np.float32)[None]
     velocity = np.moveaxis(recording.velocity[middle][window.half(ids)], -1, 0).astype(np.float32)
     now = np.abs(raw.t) <= 0.5
-    voxels = voxel_grid(raw, cells, step=CELL)
+    voxels, valid = voxel_grid(raw, cells, step=CELL), window.share(recording.valid)
+    taken_ego, taken_depth = _taken(motion, window, valid)
     return (
         voxels,
         plane_fits(raw, cells),
         motion_candidates(voxels),
         voxel_grid(sharp, size),
         plane_fits(sharp, cells),
-        way.of_twist(motion.twist[HALF]),
-        way.of_image(_used_depth(motion, window)[None]),
+        way.of_twist(taken_ego),
+        way.of_image(taken_depth[None]),
         np.append(way.of_twist(np.concatenate((np.zeros(3, np.float32), rotation[:3])))[3:], rotation[3:]),
-        way.of_image(window.share(recording.valid)[None]),
+        way.of_image(valid[None]),
         way.of_intrinsics(recording.intrinsics - np.array((0, 0, window.left, window.top), np.float32), size),
         way.of_image(depth),
         way.of_image(depth) > 0,
@@ -180,13 +181,23 @@ def _moved(stack: EventStack, window: Window) -> EventStack:
     return EventStack(x[inside], y[inside], stack.t[inside], stack.positive[inside])
 
 
-def _used_depth(motion: StaticMotion, window: Window) -> NDArray[np.float32]:
-    """The relative depth of a compensation on a quarter of the window's pixels, each way."""
+def _taken(
+    motion: StaticMotion, window: Window, valid: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The middle slice's twist (6,) of a compensation, and its depth on a quarter of the window's pixels, each way.
+
+    In the unit of a run, where what is taken out has a mean depth of 1 over all that the lens sees: of the window.
+
+    valid: (h, w) share of each pixel of half the window's size.
+    """
     height, width = (side // DEPTH_STEP for side in window.size)
     rows = np.minimum((np.arange(height) * DEPTH_STEP + window.top + 2) // motion.step, len(motion.inv_depth) - 1)
     columns = (np.arange(width) * DEPTH_STEP + window.left + 2) // motion.step
     used = motion.inv_depth[rows][:, np.minimum(columns, motion.inv_depth.shape[1] - 1)]
-    return np.reciprocal(np.maximum(used, np.float32(0.02)))
+    depth = np.reciprocal(np.maximum(used, np.float32(0.02)))
+    share = valid.reshape(height, 2, width, 2).mean((1, 3))
+    mean = np.float32((depth * share).sum() / share.sum()) if share.any() else np.float32(1)
+    return (motion.twist[HALF] / np.repeat((mean, np.float32(1)), 3)).astype(np.float32), depth / mean
 
 
 def stacked(rows: Sequence[Row], *, events: bool = False) -> Batch:
