@@ -95,7 +95,7 @@ def test_the_same_command_goes_on_where_it_stopped(run):
 def test_other_options_in_the_same_folder_are_refused(run, capsys):
     _, arguments = run
     assert main([*arguments, "--seed", "1"]) == 2
-    assert "another seed" in capsys.readouterr().err
+    assert "differs in seed" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -39,6 +39,12 @@ def test_every_slice_is_the_middle_of_one_sample(recording):
     assert len(samples) == 5
 
 
+def test_a_fingerprint_is_of_the_recordings_and_their_order(recording):
+    one, same, other = (recording(seed=seed) for seed in (0, 0, 1))
+    prints = [samples_of(worlds).fingerprint() for worlds in ([one, other], [same, other], [other, one], [one])]
+    assert prints[0] == prints[1] and len(set(prints)) == 3
+
+
 def test_recordings_without_events_have_no_samples(recording, without_events):
     dark = without_events(recording(slices=3))
     assert samples_of([dark, recording(slices=2), dark]).index.tolist() == [[1, 0], [1, 1]]

@@ -85,7 +85,8 @@ def started(
         if not team.rank:
             team.wait()
         filmed = films.enter_context(_films(config, workplace)) if config.simulate else None
-        trainer = Trainer(model, config, joined(samples, filmed, len(config.simulate)), workplace.out, team=team)
+        source, data = joined(samples, filmed, len(config.simulate)), samples.fingerprint() if samples else ""
+        trainer = Trainer(model, config, source, workplace.out, team=team, data=data)
         trainer.resume()
         yield trainer
 
