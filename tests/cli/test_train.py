@@ -136,6 +136,15 @@ def test_a_wrong_name_is_one_clear_error(options, words, recordings, tmp_path, c
     assert not (tmp_path / "run").exists()
 
 
+def test_recordings_that_are_learned_from_and_validated_on_are_said(recordings, tmp_path, capsys):
+    first, second = sorted(path for path in recordings.iterdir() if path.is_dir())
+    wrong = ["--recipe", "soup", "--out", str(tmp_path / "run")]  # ends it before it trains
+    assert main(["train", str(first), "--validate", str(recordings), *wrong]) == 2
+    assert f"warning: {first} is learned from and validated on" in capsys.readouterr().err
+    assert main(["train", str(first), "--validate", str(second), *wrong]) == 2
+    assert "warning" not in capsys.readouterr().err
+
+
 def test_an_empty_folder_is_one_clear_error(tmp_path, capsys):
     assert main(["train", str(tmp_path), "--out", str(tmp_path / "run")]) == 2
     assert "evimo simulate" in capsys.readouterr().err
