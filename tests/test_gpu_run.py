@@ -1,18 +1,21 @@
 """What a loan of a GPU leaves, the next one takes up; and without a GPU it says so."""
 
 import importlib
+import json
 import os
 import re
 import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
 
 import evimo
 from evimo.errors import BadFile
+from evimo.model.checkpoint import save_tensors
 
 BENCH = Path(__file__).parents[1] / "bench"
 THERE = (
@@ -76,6 +79,19 @@ def test_pieces_of_different_steps_are_refused(gpu_run, left, tmp_path):
     (left / "state.1").write_bytes(b"of a later step")
     with pytest.raises(BadFile, match="not whole"):
         gpu_run.join_state(left, tmp_path)
+
+
+def test_the_step_that_is_told_is_that_of_the_state_that_is_left(gpu_run, tmp_path):
+    """Where time is up while weights change, the trainer is ahead of what it saved last."""
+    out = tmp_path / "out"
+    out.mkdir()
+    save_tensors({"model.weight": torch.zeros(3)}, tmp_path / "state.safetensors", step=7)
+    (tmp_path / "model.safetensors").write_bytes(b"weights")
+    pace, learner = SimpleNamespace(samples_per_s=2.0, waited=0.5), SimpleNamespace(replays_graph=True)
+    report = {}
+    gpu_run.note(SimpleNamespace(out=tmp_path, step=9, pace=pace, learner=learner), out, report)
+    assert json.loads((out / "state.json").read_text())["step"] == report["step"] == 7
+    assert json.loads((out / "report.json").read_text()) == report
 
 
 @pytest.mark.slow
