@@ -24,16 +24,8 @@ THERE = (
 )
 FILMED = """
 import sys
-from importlib.abc import MetaPathFinder
 
-
-class Missing(MetaPathFinder):
-    def find_spec(self, name, path, target=None):
-        if name.partition(".")[0] in sys.argv[1:]:
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
-
-sys.meta_path.insert(0, Missing())
+sys.modules |= dict.fromkeys(sys.argv[1:])  # not to be found
 import evimo.training.logs
 import evimo.training.start
 from evimo.training.film_plan import FilmPlan

@@ -50,6 +50,7 @@ def trained(arguments):
     ("option", "value"),
     [
         *(("--steps", "0"), ("--steps", "-3"), ("--batch", "0"), ("--samples-per-slice", "0"), ("--threads", "-1")),
+        *(("--workers", "0"), ("--workers", "-2")),
         *(("--learning-rate", "nan"), ("--learning-rate", "-1"), ("--seed", "-1"), ("--validate-every", "0")),
     ],
 )

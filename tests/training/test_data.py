@@ -7,8 +7,9 @@ from torch.nn.functional import max_pool2d
 
 from evimo.geometry.grids import normalised_grid, resized_intrinsics
 from evimo.geometry.motion_field import motion_field
-from evimo.training import disturbance
+from evimo.training import data, disturbance
 from evimo.training.data import drawn_row, drawn_sample, samples_of, stack_of, stacked, true_motion, whole_batch
+from evimo.training.orientation import AS_FILMED
 
 ABOVE = slice(0, 12)  # rows of the wall above the box of 36x54 px
 INNER = slice(4, -4)  # columns whose dots neither came from the edge nor reach it
@@ -210,6 +211,20 @@ def test_a_large_image_is_cropped_and_intrinsics_go_along(recording):
     x, y = half_grid(batch).abs().split(1, dim=1)
     torch.testing.assert_close(batch.depth, 1 + x + 3 * y, atol=0.02, rtol=0)
     assert len({tuple(row) for row in batch.intrinsics[:, 2:].tolist()}) > 8
+
+
+def test_truth_lies_where_its_pixels_do_on_average(recording, monkeypatch):
+    """It is read half a pixel of the image above or below, to the left or to the right of a pixel of half its size."""
+    monkeypatch.setattr(data, "drawn_orientation", lambda rng: AS_FILMED)
+    world = recording(size=(200, 250), slices=3)
+    row, column = np.mgrid[:200, :250]
+    for at, axis in ((column, 0), (row, 1)):
+        depth = np.stack([1 + at / 128] * 3).astype(np.float16)  # exact in half precision
+        batch = drawn(samples_of([replace(world, depth=depth)]), 3, size=40)
+        expected = half_grid(batch)[:, axis] * world.intrinsics[axis] + world.intrinsics[2 + axis]
+        off = (128 * (batch.depth[:, 0] - 1) - expected).mean((1, 2))
+        torch.testing.assert_close(off.abs(), torch.full((40,), 0.5), atol=0.01, rtol=0)
+        assert off.mean().abs() < 0.2
 
 
 def test_a_batch_depends_on_its_generator_alone(samples):

@@ -118,10 +118,12 @@ def test_a_recipe_with_other_weights_is_another_run_whatever_its_name(begun, mon
         begun().resume()
 
 
-def test_a_run_of_a_version_that_told_neither_goes_on(begun, tmp_path):
+def test_a_run_of_a_version_that_told_neither_is_refused(begun, tmp_path):
+    """It also drew other samples."""
     tensors, facts = load_tensors(tmp_path / STATE)
     save_tensors(tensors, tmp_path / STATE, **{k: v for k, v in facts.items() if k not in ("weights", "data")})
-    assert begun().resume()
+    with pytest.raises(BadInput, match="differs in first, weights, moving_share, recordings"):
+        begun().resume()
 
 
 def test_nothing_to_go_on_from(small, tiny, tmp_path):

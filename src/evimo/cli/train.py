@@ -86,7 +86,7 @@ def train(
     check_installed("training", "torch", "tensorboard", "scipy", "skimage", extra="train")
     from evimo.training.start import Workplace
 
-    workers = workers or max(1, (os.cpu_count() or 2) - 1)
+    workers = max(1, (os.cpu_count() or 2) - 1) if workers is None else workers
     workplace = Workplace(out=out, device=device, workers=workers, threads=threads)
     recordings = recordings_in(data, split=split, part="train") if data else []
     if validate:

@@ -146,8 +146,8 @@ class Trainer:
             return False
         tensors, facts = load_tensors(path)
         ours = json.loads(json.dumps(self._run))
-        told = [part for part in ours if part in facts]  # earlier versions told neither weights nor recordings
-        if changed := [name for part in told for name in ours[part] if ours[part][name] != facts[part].get(name)]:
+        told = {part: facts.get(part, {}) for part in ours}
+        if changed := [name for part in ours for name in ours[part] if ours[part][name] != told[part].get(name)]:
             raise BadInput(
                 f"{self.out} holds another run, which differs in {', '.join(changed)}",
                 fix=f"the same options; or, to train it further, --preset {self.out / MODEL} and another --out",

@@ -43,6 +43,7 @@ class Workplace:
     threads: int | None = None
 
     def __post_init__(self) -> None:
+        Crew(workers=self.workers).check()
         if self.threads is not None and self.threads < 1:
             raise BadInput(f"{self.threads} threads", fix="1 or more")
 
@@ -113,7 +114,6 @@ def check_data(data: list[Path], config: TrainConfig) -> None:
 
 def _films(config: TrainConfig, workplace: Workplace) -> AbstractContextManager[Source]:
     check_device(workplace.device)
-    Crew(workers=workplace.workers).check()
     plan = FilmPlan(
         populations=config.simulate,
         batch=config.batch,
