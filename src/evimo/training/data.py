@@ -42,9 +42,9 @@ class Samples:
 
     def fingerprint(self) -> str:
         """What tells these recordings, in this order, from others: how many events each slice has."""
-        counts = sha256(np.ascontiguousarray(self.index))
+        counts = sha256(self.index.tobytes())
         for recording in self.recordings:
-            counts.update(np.ascontiguousarray(recording.event_first))
+            counts.update(recording.event_first.tobytes())
         return counts.hexdigest()
 
 
@@ -212,8 +212,9 @@ def _taken(
     used = motion.inv_depth[rows][:, np.minimum(columns, motion.inv_depth.shape[1] - 1)]
     depth = np.reciprocal(np.maximum(used, np.float32(0.02)))
     share = valid.reshape(height, 2, width, 2).mean((1, 3))
-    mean = np.float32((depth * share).sum() / share.sum()) if share.any() else np.float32(1)
-    return (motion.twist[HALF] / np.repeat((mean, np.float32(1)), 3)).astype(np.float32), depth / mean
+    mean = float((depth * share).sum() / share.sum()) if share.any() else 1.0
+    ego = motion.twist[HALF] / np.repeat((mean, 1), 3)
+    return ego.astype(np.float32), (depth / mean).astype(np.float32)
 
 
 def stacked(rows: Sequence[Row], *, events: bool = False) -> Batch:

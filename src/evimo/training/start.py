@@ -86,8 +86,8 @@ def started(
         if not team.rank:
             team.wait()
         filmed = films.enter_context(_films(config, workplace)) if config.simulate else None
-        source, data = joined(samples, filmed, len(config.simulate)), samples.fingerprint() if samples else ""
-        trainer = Trainer(model, config, source, workplace.out, team=team, data=data)
+        source, told = joined(samples, filmed, len(config.simulate)), samples.fingerprint() if samples else ""
+        trainer = Trainer(model, config, source, workplace.out, team=team, data=told)
         trainer.resume()
         yield trainer
 
