@@ -231,6 +231,18 @@ def test_a_true_answer_costs_nothing_where_the_depth_of_objects_alone_is_known(k
         assert found[name].item() == pytest.approx(0, abs=2e-3), name
 
 
+def test_without_any_depth_the_rotation_alone_is_compared(batch):
+    answer = true_answer(batch, 1)
+    answer.here = answer.here._replace(depth_valid=torch.zeros_like(answer.here.depth_valid))
+    for wrong, cost in (((5.0, -3, 2, 0, 0, 0), 0), ((0, 0, 0, 0, 0.6, 0), 0.6)):
+        ego = (answer.prediction.ego + torch.tensor(wrong)).requires_grad_()
+        found = terms(answer.prediction._replace(ego=ego), answer.here, answer.unit, Recipe(weights={"twist": 1.0}))
+        size = 1 + (ego[:, :3]).detach().norm(dim=1).mean().item()  # nothing turns
+        assert found["twist"].mean().item() * size == pytest.approx(cost, rel=0.05, abs=1e-6)
+        found["twist"].mean().backward()
+        assert torch.isfinite(ego.grad).all() and not ego.grad[:, :3].any()
+
+
 @pytest.mark.parametrize("name", SHIPPED.first)
 def test_a_worse_first_answer_costs_more(name, batch):
     right, wrong = (first_costs(batch, Recipe(first={name: 1.0}), wrong=w)[name] for w in (0.0, 0.3))

@@ -150,3 +150,6 @@ def test_a_true_translation_is_right_where_the_depth_of_objects_alone_is_known(r
     world = recording(slices=5)
     part = replace(world, depth=np.where(world.moving, world.depth, 0).astype(np.float16))
     assert scores(perfect(world, 2), part)["translation"] < 1e-3
+    none = replace(world, depth=np.zeros_like(world.depth))
+    found = scores(perfect(world, 2), none)
+    assert np.isnan(found["translation"])

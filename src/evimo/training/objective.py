@@ -215,9 +215,15 @@ def _spread(per_sample: Tensor, prediction: Prediction) -> Tensor:
 
 
 def _twist(prediction: Prediction, batch: Batch, unit: Tensor) -> Tensor:
-    """Error of the egomotion against 1 + its size: fast scenes are not all that counts."""
-    size = batch.ego[:, 3:].norm(dim=1) + batch.ego[:, :3].norm(dim=1) / unit
-    return _spread(twist_loss(prediction.ego, batch.ego, mean_depth=unit) / (1 + size), prediction)
+    """Error of the egomotion against 1 + its size: fast scenes are not all that counts.
+
+    Where no depth is known, nobody knows the unit of the translation, and only rotations are compared.
+    """
+    known = _known(batch).flatten(1).any(1, keepdim=True)
+    translation = torch.where(known, batch.ego[:, :3], (prediction.ego[:, :3] * unit[:, None]).detach())
+    truth = torch.cat((translation, batch.ego[:, 3:]), dim=1)
+    size = truth[:, 3:].norm(dim=1) + truth[:, :3].norm(dim=1) / unit
+    return _spread(twist_loss(prediction.ego, truth, mean_depth=unit) / (1 + size), prediction)
 
 
 def _over_movers(values: Tensor, batch: Batch) -> Tensor:

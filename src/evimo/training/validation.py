@@ -182,11 +182,11 @@ def _add_motion(sums: Sums, answer: Prediction, batch: Batch) -> None:
         static = ((answer.taken * focal_px - truth).norm(dim=1, keepdim=True) * still).sum()
         sums.rigid += float(static / still.sum().clamp(min=1))
         sums.flow_zero += float((truth.norm(dim=1, keepdim=True) * at).sum() / count)
-    scale = unit_m(answer, batch).flatten()[:, None]
     sums.rotation += float((answer.ego[:, 3:] - batch.ego[:, 3:]).norm())
     sums.rotation_zero += float(batch.ego[:, 3:].norm())
-    sums.translation += float((answer.ego[:, :3] * scale - batch.ego[:, :3]).norm())
-    sums.translation_zero += float(batch.ego[:, :3].norm())
+    if batch.depth_valid.any():  # else nobody knows the unit of the translation
+        sums.translation += float((answer.ego[:, :3] * unit_m(answer, batch).flatten() - batch.ego[:, :3]).norm())
+        sums.translation_zero += float(batch.ego[:, :3].norm())
 
 
 def _add_depth(sums: Sums, answer: Prediction, batch: Batch) -> None:
