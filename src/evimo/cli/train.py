@@ -89,8 +89,7 @@ def train(
     workers = max(1, (os.cpu_count() or 2) - 1) if workers is None else workers
     workplace = Workplace(out=out, device=device, workers=workers, threads=threads)
     recordings = recordings_in(data, split=split, part="train") if data else []
-    if validate:
-        _warn_of_recordings_in_both(recordings, recordings_in(validate))
+    _warn_of_recordings_in_both(recordings, recordings_in(validate) if validate else [])
     _train(recordings, (preset, grow), config, workplace, validation=(list(validate), validate_every))
 
 
