@@ -1,7 +1,7 @@
 """Prepared recordings to batches: which slices and part of the image, what is missing, which way round."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 
 import numpy as np
@@ -138,14 +138,15 @@ def drawn_sample(recording: Prepared, middle: int, rng: Generator) -> Row:
     motion = disturbed(true_motion(recording, middle), rng, known_rotation=known_rotation)
     stack = stack_of(recording, middle, reach=reach)
     window, way = _drawn_window(recording.valid.shape, rng), drawn_orientation(rng)
+    window = replace(window, picked=(int(rng.integers(2)), int(rng.integers(2))))
     return _sample(stack, recording, middle, window=window, motion=motion, rotation=rotation, way=way)
 
 
 def _drawn_window(size: tuple[int, int], rng: Generator) -> Window:
-    """A place for a crop, even, and which pixels its truth is read from; an image that is smaller is padded."""
+    """A place for a crop, even; an image that is smaller is padded."""
     spare = [max(0, side - crop) // 2 for side, crop in zip(size, CROP, strict=True)]
     top, left = (2 * int(rng.integers(steps + 1)) for steps in spare)
-    return Window(top, left, CROP, picked=(int(rng.integers(2)), int(rng.integers(2))))
+    return Window(top, left, CROP)
 
 
 def _sample(
