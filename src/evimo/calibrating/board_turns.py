@@ -1,8 +1,8 @@
 """Which way round a board was found: one that looks alike when it is turned has its corners in several orders.
 
-A board is alike upside down unless one of its counts of inner corners is even and the other odd, and a square one on its
-sides, too. Where its turn in the image crosses a border of the finder's, the corners come in another order. How the board
-turned between two images tells motion capture.
+A board is alike upside down unless one of its counts of inner corners is even and the other odd; a square one is on its
+sides, too. Which corner comes first is then the finder's choice, and another one where the board has turned further.
+Motion capture tells by how much it turned between two images.
 """
 
 from dataclasses import dataclass
