@@ -54,29 +54,21 @@ def calibrate_with_board(
     Raises:
         BadInput: the board was found in too few images, or turned too little.
     """  # fmt: skip
-    images = [image for image, each in enumerate(corners) if each is not None]
-    if len(images) < FEWEST_IMAGES:
-        raise BadInput(
-            f"the board was found in {len(images)} of {len(corners)} images",
-            fix=f"{FEWEST_IMAGES} and more, and the right count of inner corners",
-        )
-    px = np.array([each for each in corners if each is not None])
+    images, px = _found(corners)
     camera, cam_from_board = _views(px, board, start, free)
     turns, seen_us = turns_of(board), times_us[images]
     offset_us = _offset(cam_from_board, turns, seen_us, mocap, search_us=search_us) if free.clock else 0.0
     rig_from_body, known = mocap.rig_from_target(seen_us - offset_us)
-    images, px, cam_from_board, rig_from_body = (
-        np.asarray(each)[known] for each in (images, px, cam_from_board, rig_from_body)
-    )
-    if len(images) < FEWEST_IMAGES:
-        raise BadInput(f"mocap knows {len(images)} of the images' times", fix="the right clock, a wider --search")
-    ways = turns.as_before(cam_from_board, rig_from_body)
-    rig_from_cam, body_from_board = hand_eye(cam_from_board @ turns.board_from_turned[ways], rig_from_body)
+    if known.sum() < FEWEST_IMAGES:
+        raise BadInput(f"mocap knows {int(known.sum())} of the images' times", fix="the right clock, a wider --search")
+    ways = turns.as_before(cam_from_board[known], rig_from_body[known])
+    turned = cam_from_board[known] @ turns.board_from_turned[ways]
+    rig_from_cam, body_from_board = hand_eye(turned, rig_from_body[known])
     begin = Calibration(camera=camera, rig_from_cam=rig_from_cam, body_from_target=body_from_board, offset_us=offset_us)
-    px = np.take_along_axis(px, turns.orders[ways][..., None], axis=1)
-    points = np.tile(board.corners, (len(images), 1))
-    sightings = Sightings(times_us, np.repeat(images, px.shape[1]), points, px.reshape(-1, 2))
-    return fit_calibration(begin, sightings, mocap, free), sightings
+    px = np.take_along_axis(px[known], turns.orders[ways][..., None], axis=1).reshape(-1, 2)
+    points = np.tile(board.corners, (len(ways), 1))
+    found = Sightings(times_us, np.repeat(images[known], len(board.corners)), points, px)
+    return fit_calibration(begin, found, mocap, free), found
 
 
 def hand_eye(cam_from_board: F8, rig_from_body: F8) -> tuple[F8, F8]:
@@ -100,6 +92,17 @@ def hand_eye(cam_from_board: F8, rig_from_body: F8) -> tuple[F8, F8]:
     known = rig_from_body[:, :3, 3] - cam_from_board[:, :3, 3] @ cam_turn.T
     solved = np.asarray(np.linalg.lstsq(places, known.ravel(), rcond=None)[0], np.float64)
     return pose(cam_turn, solved[:3]), pose(own_turn, solved[3:])
+
+
+def _found(corners: Sequence[F8 | None]) -> tuple[NDArray[np.int64], F8]:
+    """The images (F,) in which the board was found, and its corners there (F, K, 2), px."""
+    images = [image for image, each in enumerate(corners) if each is not None]
+    if len(images) < FEWEST_IMAGES:
+        raise BadInput(
+            f"the board was found in {len(images)} of {len(corners)} images",
+            fix=f"{FEWEST_IMAGES} and more, and the right count of inner corners",
+        )
+    return np.array(images), np.array([each for each in corners if each is not None])
 
 
 def _views(px: F8, board: BoardTarget, start: Camera, free: Free) -> tuple[Camera, F8]:
