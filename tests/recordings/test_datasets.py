@@ -21,7 +21,7 @@ from tests.recordings.dataset_files import (
 )
 from tests.recordings.known_scene import poses, truth
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile, EvimoWarning, NotFound
 from evimo.events.events import joined
 from evimo.recordings.carried_truth import carried
 from evimo.recordings.dataset_cameras import RENDERED
@@ -143,6 +143,8 @@ def test_a_camera_of_frames_is_no_recording_of_events(how, tmp_path):
     with pytest.raises(BadFile, match=r"holds no events, as those of EVIMO2's frame camera flea3_7\n  try: the same"):
         open_recording(folder)
     assert recordings_in([tmp_path]) == [other]
+    with pytest.raises(BadFile, match="flea3_7"):
+        recordings_in([folder])
 
 
 def test_a_part_that_begins_late_keeps_the_datasets_clock(tmp_path):
@@ -211,6 +213,8 @@ def test_a_bag_gives_poses_in_the_events_clock(tmp_path):
         assert mine.objects.keys() == {1, 2}
         np.testing.assert_allclose(mine.objects[2].velocity, scene.objects[2].velocity, atol=3e-3)
     assert recording.camera.cx == pytest.approx(43.0)
+    with pytest.raises(NotFound, match=r"is a bag, which holds no maps of truth\n  try: `evimo annotate`"):
+        recordings_in([path])
 
 
 def test_an_occluded_object_is_not_known_in_a_bag(tmp_path):
