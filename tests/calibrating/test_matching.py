@@ -28,6 +28,17 @@ def test_any_order_some_missing_and_some_others(seed, missing, strangers):
     assert match.rms < 5e-4
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_balls_near_the_markers_do_not_hide_them(seed):
+    """Of eight balls beside the markers three fit as well, nearly in the same place: all five markers fit better."""
+    rng = np.random.default_rng(seed)
+    balls = CAR[rng.integers(0, 5, 8)] + rng.normal(0, 0.004, (8, 3))
+    body_from_scan = pose(Rotation.random(rng=rng).as_matrix(), rng.uniform(-1, 1, 3))
+    match = match_markers(np.concatenate((balls, CAR)), moved(body_from_scan, CAR))
+    assert match.pairs.tolist() == [[8 + number, number] for number in range(5)]
+    assert match.rms < 1e-9
+
+
 def test_two_ways_that_fit_equally_are_an_error():
     square = np.array(((0.0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0), (0, 0.1, 0)))
     with pytest.raises(BadInput, match="ways"):

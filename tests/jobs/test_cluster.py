@@ -136,7 +136,7 @@ def test_the_cluster_makes_what_one_process_makes(command, cluster, tmp_path, ca
 
 def test_a_worker_that_is_killed_costs_nothing(cluster, tmp_path):
     """One worker is left for the next test, the last one."""
-    asked = ["simulate", "--minutes", "0.005", "--seconds", "0.05", "--size", "44x33", "--out"]
+    asked = ["simulate", "--minutes", "0.01", "--seconds", "0.05", "--size", "44x33", "--out"]
     assert main([*asked, str(tmp_path / "alone")]) == 0
     together, (victim, other) = tmp_path / "together", cluster.workers
 
@@ -152,7 +152,7 @@ def test_a_worker_that_is_killed_costs_nothing(cluster, tmp_path):
     thread.join()
     assert victim.wait(5) == -9 and other.poll() is None
     assert contents(together) == contents(tmp_path / "alone")
-    assert len(list(together.iterdir())) == 6
+    assert len(list(together.iterdir())) == 12
 
 
 def test_a_scheduler_that_goes_is_one_clear_error(cluster, tmp_path):

@@ -16,15 +16,17 @@ from tests.recordings.dataset_files import (
     v1_npz,
     v1_text,
     v2_folder,
+    v2_meta,
     v2_npz,
 )
 from tests.recordings.known_scene import poses, truth
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile, EvimoWarning, NotFound
 from evimo.events.events import joined
 from evimo.recordings.carried_truth import carried
 from evimo.recordings.dataset_cameras import RENDERED
 from evimo.recordings.datasets import open_dataset
+from evimo.recordings.finding import recordings_in
 from evimo.recordings.layouts import layout_of
 from evimo.recordings.recording import open_recording
 
@@ -130,6 +132,43 @@ def test_frames_without_truth_and_frames_twice_are_passed_over(tmp_path):
     assert len(open_recording(v1_npz(tmp_path / "twice.npz", meta=meta))) == 17
 
 
+@pytest.mark.parametrize("how", ["empty", "missing"])
+def test_a_camera_of_frames_is_no_recording_of_events(how, tmp_path):
+    """EVIMO2's flea3_7 has truth and no events; training on the whole dataset passes over it."""
+    folder = v2_folder(tmp_path / "flea3_7" / "imo" / "eval" / "a")
+    other = v2_folder(tmp_path / "left_camera" / "imo" / "eval" / "a")
+    for name, shape in (("t", (0,)), ("xy", (0, 2)), ("p", (0,))):
+        file = folder / f"dataset_events_{name}.npy"
+        file.unlink() if how == "missing" else np.save(file, np.zeros(shape, np.float32))
+    with pytest.raises(BadFile, match=r"holds no events, as those of EVIMO2's frame camera flea3_7\n  try: the same"):
+        open_recording(folder)
+    assert recordings_in([tmp_path]) == [other]
+    with pytest.raises(BadFile, match="flea3_7"):
+        recordings_in([folder])
+
+
+def test_a_part_that_begins_late_keeps_the_datasets_clock(tmp_path):
+    """Times count from the start of the bag: of a later part they begin at 100 s, where 32 bits hold 8 us."""
+    meta = v2_meta()
+    for entry in (*meta["frames"], *meta["full_trajectory"]):
+        entry["ts"] += 100.0
+        entry["cam"]["ts"] += 100.0
+    folder = v2_folder(tmp_path / "a", meta=meta, t_kind=np.float64)
+    times_s = 100 + np.load(folder / "dataset_events_t.npy")
+    np.save(folder / "dataset_events_t.npy", times_s.astype(np.float32))
+    recording = open_recording(folder)
+    np.testing.assert_array_equal(recording.times_us, TIMES_US + 100_000_000)
+    assert np.abs(joined(list(recording.events)).t - 100_000_000 - all_events().t).max() <= 4
+    np.testing.assert_array_equal(recording.truth(3).ids, truth(TIMES_US[3], V2_IDS).ids)
+
+
+def test_a_fisheye_has_the_four_coefficients_of_meta(tmp_path):
+    meta = v2_meta()
+    meta["meta"] |= {"dist_model": "equidistant", "k1": 0.01, "k2": -0.02, "k3": 0.03, "k4": -0.04}
+    camera = open_recording(v2_folder(tmp_path / "a", meta=meta)).camera
+    assert (camera.lens, camera.distortion) == ("fisheye", (0.01, -0.02, 0.03, -0.04))
+
+
 def test_samsung_polarity_is_turned(tmp_path):
     recording = open_recording(v2_folder(tmp_path / "samsung_mono" / "imo" / "eval" / "a", inverted=True))
     np.testing.assert_array_equal(joined(list(recording.events)).p, all_events().p)
@@ -174,6 +213,8 @@ def test_a_bag_gives_poses_in_the_events_clock(tmp_path):
         assert mine.objects.keys() == {1, 2}
         np.testing.assert_allclose(mine.objects[2].velocity, scene.objects[2].velocity, atol=3e-3)
     assert recording.camera.cx == pytest.approx(43.0)
+    with pytest.raises(NotFound, match=r"is a bag, which holds no maps of truth\n  try: `evimo annotate`"):
+        recordings_in([path])
 
 
 def test_an_occluded_object_is_not_known_in_a_bag(tmp_path):

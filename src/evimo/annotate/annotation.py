@@ -24,14 +24,12 @@ from evimo.events.slices import SLICE_US
 from evimo.formats.event_file import EventFile
 from evimo.geometry.camera import Camera
 from evimo.jobs.crew import cores
-from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.facts import own_version
 from evimo.recordings.truth import Truth
-from evimo.recordings.writer import RecordingWriter
+from evimo.recordings.writers import SUFFIXES, Writer, check_dataset_layout, writer_of
 
 I8 = NDArray[np.int64]
 
-LAYOUTS = {"evimo2": "", "evimo1": ".npz"}
 PART_US = 12_000 * SLICE_US  # five minutes: what a recording keeps in memory while it is written stays small
 AT_ONCE = 32  # frames that are drawn ahead of the one that is written
 MOST_HZ = 10_000.0
@@ -105,8 +103,7 @@ class Annotation:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        if self.layout not in LAYOUTS:
-            raise BadInput(f"no layout {self.layout!r}", fix=f"one of {', '.join(LAYOUTS)}")
+        check_dataset_layout(self.layout)
         if self.threads is not None and self.threads < 1:
             raise BadInput(f"{self.threads} threads", fix="1 or more")
 
@@ -156,7 +153,7 @@ class Annotation:
 
     def path(self, out: Path, part: int) -> Path:
         """Where a part goes, named as EVIMO2 names the parts of its sequences."""
-        return out / f"{self.name}_{part:06d}{LAYOUTS[self.layout]}"
+        return out / f"{self.name}_{part:06d}{SUFFIXES[self.layout]}"
 
     @property
     def name(self) -> str:
@@ -212,11 +209,10 @@ class Annotation:
                 draw = partial(_truth, scene, lens, placed)
                 yield from pool.map(draw, range(len(placed.valid)))
 
-    def _writer(self, path: Path) -> RecordingWriter | Evimo1Writer:
-        writer = Evimo1Writer if self.layout == "evimo1" else RecordingWriter
+    def _writer(self, path: Path) -> Writer:
         facts: dict[str, Any] = {"version": own_version(), "made_by": "evimo annotate", "capture": self.name}
         facts |= {"objects": self._names(), "made_from": self.made_from}
-        return writer(path, self.camera, facts=facts, poses=self.scene.poses)
+        return writer_of(self.layout, path, self.camera, facts=facts, poses=self.scene.poses)
 
     def _names(self) -> dict[str, int]:
         return {each.name: each.id for each in self.capture.objects}

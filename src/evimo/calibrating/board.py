@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from evimo.calibrating.board_turns import Turns, turns_of
 from evimo.calibrating.fitting import Calibration, Fit, Free, fit_calibration
 from evimo.calibrating.rigid import angle_between, nearest_rotation, pose
 from evimo.calibrating.sightings import Mocap, Sightings
@@ -53,26 +54,21 @@ def calibrate_with_board(
     Raises:
         BadInput: the board was found in too few images, or turned too little.
     """  # fmt: skip
-    images = [image for image, each in enumerate(corners) if each is not None]
-    if len(images) < FEWEST_IMAGES:
-        raise BadInput(
-            f"the board was found in {len(images)} of {len(corners)} images",
-            fix=f"{FEWEST_IMAGES} and more, and the right count of inner corners",
-        )
-    px = [each for each in corners if each is not None]
+    images, px = _found(corners)
     camera, cam_from_board = _views(px, board, start, free)
-    seen_us = times_us[images]
-    offset_us = _offset(cam_from_board, seen_us, mocap, search_us) if free.clock else 0.0
+    turns, seen_us = turns_of(board), times_us[images]
+    offset_us = _offset(cam_from_board, turns, seen_us, mocap, search_us=search_us) if free.clock else 0.0
     rig_from_body, known = mocap.rig_from_target(seen_us - offset_us)
     if known.sum() < FEWEST_IMAGES:
         raise BadInput(f"mocap knows {int(known.sum())} of the images' times", fix="the right clock, a wider --search")
-    rig_from_cam, body_from_board = hand_eye(cam_from_board[known], rig_from_body[known])
+    ways = turns.as_before(cam_from_board[known], rig_from_body[known])
+    turned = cam_from_board[known] @ turns.board_from_turned[ways]
+    rig_from_cam, body_from_board = hand_eye(turned, rig_from_body[known])
     begin = Calibration(camera=camera, rig_from_cam=rig_from_cam, body_from_target=body_from_board, offset_us=offset_us)
-    count = len(board.corners)
-    sightings = Sightings(
-        times_us, np.repeat(np.array(images), count), np.tile(board.corners, (len(images), 1)), np.concatenate(px)
-    )
-    return fit_calibration(begin, sightings, mocap, free), sightings
+    px = np.take_along_axis(px[known], turns.orders[ways][..., None], axis=1).reshape(-1, 2)
+    points = np.tile(board.corners, (len(ways), 1))
+    found = Sightings(times_us, np.repeat(images[known], len(board.corners)), points, px)
+    return fit_calibration(begin, found, mocap, free), found
 
 
 def hand_eye(cam_from_board: F8, rig_from_body: F8) -> tuple[F8, F8]:
@@ -98,7 +94,18 @@ def hand_eye(cam_from_board: F8, rig_from_body: F8) -> tuple[F8, F8]:
     return pose(cam_turn, solved[:3]), pose(own_turn, solved[3:])
 
 
-def _views(px: Sequence[F8], board: BoardTarget, start: Camera, free: Free) -> tuple[Camera, F8]:
+def _found(corners: Sequence[F8 | None]) -> tuple[NDArray[np.int64], F8]:
+    """The images (F,) in which the board was found, and its corners there (F, K, 2), px."""
+    images = [image for image, each in enumerate(corners) if each is not None]
+    if len(images) < FEWEST_IMAGES:
+        raise BadInput(
+            f"the board was found in {len(images)} of {len(corners)} images",
+            fix=f"{FEWEST_IMAGES} and more, and the right count of inner corners",
+        )
+    return np.array(images), np.array([each for each in corners if each is not None])
+
+
+def _views(px: F8, board: BoardTarget, start: Camera, free: Free) -> tuple[Camera, F8]:
     """The camera, and where the board was in front of it in each image (F, 4, 4)."""
     if free.intrinsics and start.lens == "radtan":
         points = [board.corners.astype(np.float32)] * len(px)
@@ -116,17 +123,18 @@ def _views(px: Sequence[F8], board: BoardTarget, start: Camera, free: Free) -> t
     return start, np.array(views)
 
 
-def _offset(cam_from_board: F8, times_us: F8, mocap: Mocap, search_us: float) -> float:
+def _offset(cam_from_board: F8, turns: Turns, times_us: F8, mocap: Mocap, *, search_us: float) -> float:
     """The offset under which board and body turn by the same angles; these do not depend on where either sits, µs."""
     step = min(FAR, len(times_us) - 1)
-    angles = angle_between(cam_from_board[step:], cam_from_board[:-step])
+    angles = turns.angles(cam_from_board[step:], cam_from_board[:-step])
     offsets = np.arange(-search_us, search_us + STEP_US / 2, STEP_US) if search_us else np.zeros(1)
     scores: list[float] = []
     for offset_us in offsets:
         poses, known = mocap.rig_from_target(times_us - offset_us)
         both = known[step:] & known[:-step]
         turned = angle_between(poses[step:], poses[:-step])
-        scores.append(float(np.mean(np.abs(turned - angles)[both])) if both.mean() > 0.5 else np.inf)
+        apart = np.abs(turned - angles).min(axis=0)
+        scores.append(float(np.mean(apart[both])) if both.mean() > 0.5 else np.inf)
     if not np.isfinite(scores).any():
         raise BadInput("mocap does not know the board at the images' times", fix="the right clock, a wider --search")
     return float(offsets[int(np.argmin(scores))])

@@ -27,7 +27,7 @@ ROUNDS = (
     Round(2.5, 1.0, place=False, shifts=False),
     Round(1.5, 1.0, place=False, shifts=True),
     Round(1.0, 1.0, place=True, shifts=True),
-    Round(1.0, 1.0, place=True, shifts=True),
+    Round(0.7, 1.0, place=True, shifts=True),
 )
 FEWEST_POINTS = 1_000  # of outlines, together
 SEARCH_US = 5_000.0  # from one clock to the next that is tried: a few px

@@ -52,12 +52,12 @@ def match_markers(scan: F8, body: F8, *, tolerance: float = TOLERANCE) -> Marker
         BadInput: fewer than three agree, they lie on a line, or the markers fit in two ways.
     """
     _check(scan, body)
+    settled = (_settled(scan, body, each, tolerance) for each in _laid(scan, body, tolerance))
+    matches = sorted(filter(None, settled), key=lambda match: (-len(match.pairs), match.rms))
     found: list[MarkerMatch] = []
-    for body_from_scan in _laid(scan, body, tolerance):
-        match = _settled(scan, body, body_from_scan, tolerance)
-        if match is not None and not any(_is_same(match, other) for other in found):
+    for match in matches:  # the best of those that are nearly the same
+        if not any(_is_same(match, other) for other in found):
             found.append(match)
-    found.sort(key=lambda match: (-len(match.pairs), match.rms))
     if not found:
         raise BadInput(
             f"no three of the scan's {len(scan)} markers fit mocap's {len(body)} within {1e3 * tolerance:g} mm",

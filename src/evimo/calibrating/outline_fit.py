@@ -20,7 +20,7 @@ ITERATIONS, OVER, ENOUGH = 80, 1.5, 1e-3  # steps are made longer by half: expec
 FEWEST = 0.3  # events in a profile
 SIDE_PX = 4.0  # wide, from where an outline ends, events tell how many there are away from it
 STRAY = 0.01  # events per px there, at least
-MOST = 1.0  # weight of a point, in events: one flickering pixel does not outvote an outline
+MOST = 5.0  # weight of a point, in events: clear outlines count more, and no flickering pixel outvotes many
 
 
 @dataclass(frozen=True, slots=True)

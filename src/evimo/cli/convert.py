@@ -33,8 +33,9 @@ def convert(
         crew: who converts; each a whole recording.
     """
     crew.check()
-    from evimo.recordings.converting import SUFFIXES, convert_recordings
+    from evimo.recordings.converting import convert_recordings
     from evimo.recordings.finding import recordings_in
+    from evimo.recordings.writers import SUFFIXES
 
     make_folder(out)
     found = recordings_in(paths)

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +11,10 @@ from evimo.errors import BadFile
 from evimo.events.events import Events, joined, no_events
 from evimo.jobs.crew import ALONE, Crew
 from evimo.jobs.finishing import finished
-from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.facts import own_version
-from evimo.recordings.hdf5_writer import Hdf5Writer
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.recording import Recording, open_recording
-from evimo.recordings.writer import RecordingWriter
-
-Target = Literal["evimo1", "evimo2", "hdf5"]
-WRITERS: dict[Target, Callable[..., Any]] = {"evimo1": Evimo1Writer, "evimo2": RecordingWriter, "hdf5": Hdf5Writer}
-SUFFIXES = {"evimo1": ".npz", "evimo2": "", "hdf5": ".h5"}
+from evimo.recordings.writers import Target, writer_of
 
 
 def convert_recordings(
@@ -88,8 +81,7 @@ def convert_recording(
     facts = {key: value for key, value in facts.items() if key not in ("camera", "format")}
     if poses is None and layout == "evimo1":
         raise BadFile(f"{recording.path} holds no poses, which the layout evimo1 needs", fix="evimo2 or hdf5")
-    writer = WRITERS[layout](path, recording.camera, poses=poses, facts=facts, imu=recording.imu)
-    with writer:
+    with writer_of(layout, path, recording.camera, poses=poses, facts=facts, imu=recording.imu) as writer:
         for k, (events, ids) in enumerate(_pieces(recording)):
             writer.write(events, recording.truth(k), clutter_bodies=recording.clutter_bodies(k), event_ids=ids)
             progress()

@@ -29,6 +29,7 @@ from evimo.recordings.paths import Paths, paths_of
 from evimo.recordings.pose_words import in_own_axes
 
 Arrays = dict[str, NDArray[Any]]
+HEADER_BYTES = 128  # of an array file; there is no more of the events of a camera that takes frames
 DatasetLayout = Literal["EV-IMO npz", "EVIMO2 npz", "EV-IMO text", "EVIMO2 folder"]
 
 
@@ -130,12 +131,13 @@ class Dataset:
 
 
 def dataset_layout(path: Path) -> DatasetLayout | None:
-    """Which layout of the datasets a file or folder is in, from its names alone; None where in none."""
+    """Which layout of the datasets a file or folder is in, be it whole or damaged; None where in none."""
     if path.is_dir():
         if (path / "meta.txt").exists() and (path / "events.txt").exists():
             return "EV-IMO text"
-        folder = (path / "dataset_events_t.npy").exists() and (path / "dataset_info.npz").exists()
-        return "EVIMO2 folder" if folder else None
+        times = path / "dataset_events_t.npy"
+        with_events = times.exists() and times.stat().st_size > HEADER_BYTES
+        return "EVIMO2 folder" if with_events and (path / "dataset_info.npz").exists() else None
     if path.suffix == ".npz" and path.is_file() and not path.name.startswith("dataset_"):
         names = Archive(path).names
         return "EV-IMO npz" if {"events", "meta"} <= names else None

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from evimo.errors import NotFound
-from evimo.recordings.layouts import MARKS, SUFFIXES, knows_truth
+from evimo.errors import EvimoError, NotFound
+from evimo.recordings.layouts import MARKS, SUFFIXES, knows_truth, layout_of
 from evimo.recordings.splits import Part, part_of_split
 from evimo.writing import shown
 
@@ -18,20 +18,33 @@ def recordings_in(paths: Iterable[Path], *, split: str = "", part: Part = "test"
         part: `train` or `test`.
 
     Raises:
-        NotFound: a path holds none, or none of that part. BadFile: an .npz file is none. BadInput: no such split.
+        NotFound: a path holds none, or none of that part. BadFile: an .npz file is none, or a folder of EVIMO2 has no
+            events. BadInput: no such split.
     """
     found: dict[Path, None] = {}
     for path in paths:
         recordings = [path] if path.exists() and knows_truth(path) else _recordings_below(path)
         if not recordings:
-            raise NotFound(
-                f"no recording with truth in {str(path)!r}",
-                fix="one of EV-IMO or EVIMO2, or what evimo simulate --set 1 --minutes 1 --seed 7 --out DIR makes",
-            )
+            raise _nothing_in(path)
         found.update(dict.fromkeys(recordings))
     if not found:
         raise NotFound("no recording given", fix="evimo evaluate FOLDER, with recordings from evimo simulate")
     return part_of_split(list(found), split, part) if split else list(found)
+
+
+def _nothing_in(path: Path) -> EvimoError:
+    """Why a path holds no recording with truth."""
+    if path.is_file() and path.suffix == ".bag":
+        return NotFound(f"{path} is a bag, which holds no maps of truth", fix="`evimo annotate` makes them, with scans")
+    if (path / "dataset_info.npz").exists():
+        try:
+            layout_of(path)
+        except EvimoError as error:
+            return error
+    return NotFound(
+        f"no recording with truth in {str(path)!r}",
+        fix="one of EV-IMO or EVIMO2, or what evimo simulate --set 1 --minutes 1 --seed 7 --out DIR makes",
+    )
 
 
 def _recordings_below(path: Path) -> list[Path]:

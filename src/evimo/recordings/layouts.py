@@ -42,6 +42,9 @@ def layout_of(path: Path) -> Layout:
     Raises:
         BadFile: it holds none.
     """
+    if path.is_dir() and (path / "dataset_info.npz").exists() and found_layout(path) is None:
+        fix = "the same sequence in left_camera, right_camera or samsung_mono"
+        raise BadFile(f"{path} holds no events, as those of EVIMO2's frame camera flea3_7", fix=fix)
     if path.is_dir() and (path / "dataset_events_t.npy").exists() and found_layout(path) is None:
         raise BadFile(f"{path} holds events and no truth: it lacks dataset_info.npz", fix=f"`evimo run {path}`")
     if path.is_dir() and (path / "events.txt").exists() and found_layout(path) is None:

@@ -13,15 +13,12 @@ from evimo.formats.npz_members import Archive, array_header
 from evimo.formats.saving import check_events_format, save_events
 from evimo.jobs.crew import ALONE, Crew
 from evimo.jobs.finishing import finished
-from evimo.recordings.evimo1_writer import Evimo1Writer
-from evimo.recordings.writer import RecordingWriter
+from evimo.recordings.writers import SUFFIXES, Writer, check_dataset_layout, writer_of
 from evimo.scene.drawing.scenes import SETS
 from evimo.simulate.film import check_device
 from evimo.simulate.plan import RecordingPlan
 from evimo.simulate.recording import SimulatedRecording, simulate_recording
 from evimo.simulate.resuming import check_made_alike
-
-LAYOUTS = {"evimo2": "", "evimo1": ".npz"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +38,7 @@ class DatasetPlan:
     events: str | None = None
 
     def __post_init__(self) -> None:
-        if self.layout not in LAYOUTS:
-            raise BadInput(f"no layout {self.layout!r}", fix=f"one of {', '.join(LAYOUTS)}")
+        check_dataset_layout(self.layout)
         if self.events is not None:
             check_events_format(self.events, self.first.pixels)
         if not 0 < self.minutes < inf:
@@ -61,7 +57,7 @@ class DatasetPlan:
 
     def recording(self, out: Path, seed: int) -> Path:
         """Where one recording goes: a folder or a file, by the layout."""
-        return out / f"{self._name(seed)}{LAYOUTS[self.layout]}"
+        return out / f"{self._name(seed)}{SUFFIXES[self.layout]}"
 
     def events_file(self, out: Path, seed: int) -> Path | None:
         """Where its events go alone, if they do."""
@@ -119,6 +115,6 @@ def _recorded(path: Path) -> Iterable[Events]:
     return open_events(path) if rows else ()
 
 
-def _writer(plan: DatasetPlan, recording: SimulatedRecording, path: Path) -> RecordingWriter | Evimo1Writer:
-    writer = Evimo1Writer if plan.layout == "evimo1" else RecordingWriter
-    return writer(path, recording.camera, facts=recording.facts(), poses=recording.poses, imu=recording.imu())
+def _writer(plan: DatasetPlan, recording: SimulatedRecording, path: Path) -> Writer:
+    facts, imu = recording.facts(), recording.imu()
+    return writer_of(plan.layout, path, recording.camera, poses=recording.poses, facts=facts, imu=imu)

@@ -54,6 +54,9 @@ def test_scans_stand_on_their_bodies_and_truth_follows(desk, tmp_path, read_back
     corners = vertices + moved + place  # nothing is turned
     np.testing.assert_allclose(corners.mean(axis=0), (0.025, 0, 1.1), atol=1e-4)
     np.testing.assert_allclose(np.ptp(corners, axis=0), 0.2, atol=1e-5)
+    facing = np.array(file.rows("world/objects/3/scan", "Mesh3D:vertex_normals")[None])
+    outwards = np.sign(corners - (0.025, 0, 1.1))  # of a cube whose corners belong to three sides each
+    assert (facing * outwards > 0.3).all() and np.allclose(np.linalg.norm(facing, axis=1), 1, atol=1e-5)
     assert len(file.rows("world/scan", "Points3D:positions")[None]) == 20_000
     markers = file.rows("world/markers/Box", "Points3D:positions")
     np.testing.assert_allclose(markers[62_500], [(0.5 * 0.0625, -0.1, 1.1)], atol=0.0026)  # seen every 5 ms

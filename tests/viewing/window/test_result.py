@@ -74,6 +74,8 @@ def test_a_slice_without_events_shows_no_estimate(run, tmp_path, read_back):
     assert 62_500 not in file.rows("speeds/translation/estimate", "Scalars:scalars")
     cleared = file.rows("world/camera/image/estimate/objects", "Clear:is_recursive")
     assert [time for time, value in cleared.items() if value] == [62_500]
+    for curve in ("translation/estimate", "objects/estimate/3"):  # no line is drawn across
+        assert 62_500 in file.rows(f"speeds/{curve}", "Clear:is_recursive")
 
 
 def test_without_its_recording_a_run_is_shown_alone_in_mean_depths(run, tmp_path, read_back, capsys):

@@ -52,6 +52,8 @@ class EstimateLayer:
         if depth is None or ids is None or scale is None:
             for entity in (IDS, DEPTH, POINTS, VELOCITIES):
                 store.log(entity, store.rr.Clear(recursive=True), t_us=t_us)
+            log_curves(store, ESTIMATE, np.full(6, np.nan), t_us=t_us)
+            self._curves.log(store, [], t_us=t_us)
             return
         known = np.ones(ids.shape, np.bool_) if estimate.valid is None else estimate.valid
         metres = depth.astype(np.float32) * np.float32(scale)

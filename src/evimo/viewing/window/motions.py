@@ -112,11 +112,12 @@ def start_curves(store: Store, whose: str, *, unit: str, faded: bool = False) ->
 
 
 def log_curves(store: Store, whose: str, ego: NDArray[np.float64], *, t_us: int) -> None:
-    """Log how fast the camera moves and turns; ego (6,) is its twist, NaN where that is not known."""
-    if np.isfinite(ego).all():
-        store.log(f"{TRANSLATION}/{whose}", store.rr.Scalars(float(np.linalg.norm(ego[:3]))), t_us=t_us)
-        turning = float(np.degrees(np.linalg.norm(ego[3:])))
-        store.log(f"{ROTATION}/{whose}", store.rr.Scalars(turning), t_us=t_us)
+    """Log how fast the camera moves and turns; ego (6,) is its twist, NaN where it is not known and the curves stop."""
+    known = np.isfinite(ego).all()
+    turning = np.degrees(np.linalg.norm(ego[3:]))
+    for plot, speed in ((TRANSLATION, np.linalg.norm(ego[:3])), (ROTATION, turning)):
+        value = store.rr.Scalars(float(speed)) if known else store.rr.Clear(recursive=False)
+        store.log(f"{plot}/{whose}", value, t_us=t_us)
 
 
 class ObjectCurves:
@@ -124,10 +125,14 @@ class ObjectCurves:
 
     def __init__(self, whose: str, *, unit: str, faded: bool = False) -> None:
         self._whose, self._unit, self._faded = whose, unit, faded
-        self._begun: set[int] = set()
+        self._begun, self._drawn = set[int](), set[int]()
 
     def log(self, store: Store, arrows: Sequence[Arrow], *, t_us: int) -> None:
-        """Log the speeds of one instant."""
+        """Log the speeds of one instant; the curve of an object that is gone stops until it is back."""
+        drawn = {one.id for one in arrows}
+        for gone in self._drawn - drawn:
+            store.log(f"{OBJECT_SPEEDS}/{self._whose}/{gone}", store.rr.Clear(recursive=False), t_us=t_us)
+        self._drawn = drawn
         for one in arrows:
             entity = f"{OBJECT_SPEEDS}/{self._whose}/{one.id}"
             if one.id not in self._begun:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evimo.events.slices import SLICE_US, Slice
 from evimo.viewing.colours import id_colour
@@ -26,12 +27,24 @@ def log_shapes(store: Store, shapes: Sequence[Shape]) -> None:
         colour = ROOM_COLOUR if room else id_colour(shape.object_id)
         if len(shape.triangles):
             mesh = store.rr.Mesh3D(
-                vertex_positions=shape.points, triangle_indices=shape.triangles, albedo_factor=colour
+                vertex_positions=shape.points,
+                vertex_normals=_normals(shape.points, shape.triangles),
+                triangle_indices=shape.triangles,
+                albedo_factor=colour,
             )
             store.log_always(entity, mesh)
         else:
             points = shape.points[:: -(-len(shape.points) // MOST_POINTS[room])]
             store.log_always(entity, store.rr.Points3D(points, colors=[colour], radii=store.rr.Radius.ui_points(1.2)))
+
+
+def _normals(points: NDArray[np.floating], triangles: NDArray[np.integer]) -> NDArray[np.float32]:
+    """The directions (N, 3) that the triangles around each point face: without them all of a room has one colour."""
+    one, two, three = (points[triangles[:, corner]] for corner in range(3))
+    facing = np.cross(two - one, three - one)
+    around = [np.bincount(triangles.ravel(), np.repeat(facing[:, axis], 3), len(points)) for axis in range(3)]
+    normals = np.stack(around, axis=1)
+    return (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)).astype(np.float32)
 
 
 def log_markers(store: Store, markers: Sequence[Markers], part: Slice) -> None:
