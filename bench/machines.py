@@ -60,6 +60,7 @@ class Inputs:
         films = sorted(map(str, self.simulated.iterdir()))
         used = films if long else films[:1]
         short = [] if long else ["--stop", "0.3"]
+        finely = ["--spacing", "2"] if long else []
         made = ["--minutes", "5" if long else "0.003", "--seconds", "0.1", "--size", "64x48", "--set", "1"]
         each = {
             "info": [str(self.recording)],
@@ -74,13 +75,7 @@ class Inputs:
             "convert": [*used, "--layout", "hdf5", "--out", str(out)],
             "annotate": [str(self.others / "capture"), "--rate", "1000" if long else "10", "--out", str(out)],
             "locate-markers": [str(self.others / f"{'many' if long else 'one'}.ply"), "--out", str(out)],
-            "align-room": [
-                str(self.others / "fragments.yaml"),
-                "--spacing",
-                "2" if long else "10",
-                "--out",
-                str(out / "room.ply"),
-            ],
+            "align-room": [str(self.others / "fragments.yaml"), "--out", str(out / "room.ply"), *finely],
             "download": ["eval/box", "--mirror", self.server + "/slow" * long, "--out", str(out)],
             "train": [*used, "--steps", "9999" if long else "2", "--preset", "tiny", "--batch", "1", "--out", str(out)],
         }
@@ -126,6 +121,7 @@ class Ended(NamedTuple):
 def started(arguments: list[str], *, before: list[str] | None = None, **how: Any) -> subprocess.Popen[str]:
     """The command in a process of its own."""
     how = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True} | how
+    how["env"] = os.environ | {"PYTHONPATH": str(ROOT / "src")}  # wherever it runs
     return subprocess.Popen([*(before or []), sys.executable, "-m", "evimo", *arguments], **how)
 
 
