@@ -4,7 +4,7 @@ import pytest
 from evimo.classical.compensation import Parameters, world_and_misfit
 from evimo.classical.regions import flow_of
 from evimo.classical.sharpness import warp_back
-from evimo.classical.world import Scene, coarse_motion, fine_motion
+from evimo.classical.world import Scene, fine_motion, shared
 
 POINTS = np.array([[40.0, 40.0], [300.0, 40.0], [40.0, 220.0], [300.0, 220.0], [172.5, 129.5]])
 
@@ -48,18 +48,53 @@ def test_a_crowded_object_over_a_third_of_the_picture_is_not_taken_for_the_world
 def test_a_resting_camera_rests_whatever_moves_before_it(scene_of, body, noise):
     """All events but noise, up to 0.3 per pixel and second, are the object's."""
     toy = body((-0.5, 0.3, 0, 0, 0, 0), edges=15, events=6000, box=(150.0, 100.0, 210.0, 160.0))
-    scene = scene_of(toy, noise=noise)
-    assert coarse_motion(scene) is None
-    motion, _ = world_and_misfit(scene, Parameters())
+    motion, _ = world_and_misfit(scene_of(toy, noise=noise), Parameters())
     assert not motion.any()
+
+
+SLOW = [(0.1, -0.05, 0, 0, 0, 0), (-0.06, 0.1, 0, 0, 0, 0.1), (0, 0, 0.2, 0, 0, 0), (0, 0, 0, 0, 0, -0.2)]
+
+
+@pytest.mark.parametrize("edges", [80, 200])
+@pytest.mark.parametrize("twist", SLOW, ids=["right", "down", "forward", "turn"])
+def test_a_slow_camera_does_not_rest(scene_of, body, twist, edges):
+    """Points move by up to 0.7 px per slice, on edges that leave most of the picture bare, or cover it."""
+    wall = body(twist, edges=edges, events=20_000)
+    true = wall.flow(POINTS)
+    assert 0.4 < np.linalg.norm(true, axis=1).max() < 1.2
+    for seed in range(3):
+        scene = scene_of(wall, seed=seed)
+        motion, _ = world_and_misfit(scene, Parameters())
+        error = np.linalg.norm(flow_at(motion, scene) - true, axis=1)
+        assert error.mean() < 0.75 * np.linalg.norm(true, axis=1).mean()
+
+
+def test_a_slow_camera_does_not_rest_behind_an_object(scene_of, body):
+    """The object has as many events as the wall and moves ten times as far."""
+    wall = body((0.12, 0, 0, 0, 0, 0), edges=150, events=9000)
+    toy = body((-1.2, 0.3, 0, 0, 0, 0), edges=20, events=9000, box=(150.0, 100.0, 210.0, 160.0))
+    motion, _ = world_and_misfit(scene_of(wall, toy), Parameters())
+    assert np.linalg.norm(flow_at(motion, scene_of(wall, toy)) - wall.flow(POINTS), axis=1).max() < 0.6
+
+
+def test_a_motion_is_shared_by_the_picture_that_follows_it_alone(scene_of, body):
+    """Of a wall its own motion is, and half of it; the opposite, rest, and the motion of a few places are not."""
+    wall = scene_of(body((0.4, 0, 0, 0, 0, 0), edges=150))
+    true = np.array([-0.4 * 260 * 0.025, 0, 0, 0])
+    most = Parameters().majority
+    assert min(shared(wall, true), shared(wall, true / 2)) > 2 * most
+    assert shared(wall, -true) == pytest.approx(-shared(wall, true))
+    assert shared(wall, np.zeros(4)) == 0
+    few = scene_of(body((0.4, 0, 0, 0, 0, 0), edges=15, box=(150.0, 100.0, 230.0, 180.0)))
+    assert 0.02 < shared(few, true) < most
 
 
 @pytest.mark.parametrize("count", [0, 1, 30])
 def test_few_events_say_nothing_of_motion(count):
     random = np.random.default_rng(0)
     x, y, t = (random.uniform(low, high, count).astype(np.float32) for low, high in ((0, 345), (0, 259), (-1, 1)))
-    scene = Scene(x, y, t, (260, 346), (172.5, 129.5))
-    assert coarse_motion(scene) is None
+    motion, _ = world_and_misfit(Scene(x, y, t, (260, 346), (172.5, 129.5)), Parameters())
+    assert not motion.any()
 
 
 def test_events_without_a_share_have_no_say(scene_of, body):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from evimo.classical.misfit import STEP, Misfit, misfit
 from evimo.classical.regions import fitted_regions, flow_of
-from evimo.classical.world import FINE_EVENTS, Scene, coarse_motion, fine_motion
+from evimo.classical.world import FINE_EVENTS, Scene, coarse_motion, fine_motion, shared
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -19,12 +19,14 @@ class Parameters:
     """What was chosen on simulated recordings for training (docs/decisions/0009-classical-method.md).
 
     window:    slices to either side of the centre whose events the motions are fitted to.
+    majority:  share of the picture that follows a motion of the camera at least; else it rests.
     threshold: misfit, in logs, from which on a place moves by itself.
     steepness: of the probability there, per log.
     supported: events per pixel of half the picture at which the confidence is 1 - 1/e.
     """
 
     window: float = 1.0
+    majority: float = 0.15
     threshold: float = 1.8
     steepness: float = 2.0
     supported: float = 0.5
@@ -59,15 +61,13 @@ def compensate(scene: Scene, parameters: Parameters) -> Compensated:
 
 
 def world_and_misfit(scene: Scene, parameters: Parameters) -> tuple[F8, Misfit]:
-    """Return the world's motion (4,), from what fits it, and how badly each place fits."""
+    """Return the world's motion (4,), from what fits it, 0 if the camera rests, and how badly each place fits."""
     few = scene.thinned(FINE_EVENTS)
     start = coarse_motion(few)
-    if start is None:
-        world = np.zeros(4)
-        return world, misfit(scene, world)
     moving = _probability(misfit(scene, start).score, parameters)
     row, column = ((each + np.float32(0.5)).astype(np.intp) // STEP for each in (few.y, few.x))
-    world = fine_motion(few, 1 - moving[row, column], start)
+    found = fine_motion(few, 1 - moving[row, column], start)
+    world = found if shared(few, found) > parameters.majority else np.zeros(4)
     return world, misfit(scene, world)
 
 

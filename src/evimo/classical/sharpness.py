@@ -64,18 +64,21 @@ def read(at, image, into):
 
 @njit(nogil=True, fastmath=True)
 def blur(image, across, into):
-    """Blur by the binomial (1 4 6 4 1)/16 in both directions; the outermost two pixels become 0. `across` is room."""
-    height, width = image.shape
+    """Blur by the binomial (1 4 6 4 1)/16 in both directions; the outermost two pixels become 0. `across` is room.
+
+    Five lines are read at one index, so that the compiler takes several pixels at a time.
+    """
     a, b, c = np.float32(0.0625), np.float32(0.25), np.float32(0.375)
     into[:] = 0
-    for row in range(height):
-        source, target = image[row], across[row]
-        for k in range(2, width - 2):
-            target[k] = a * (source[k - 2] + source[k + 2]) + b * (source[k - 1] + source[k + 1]) + c * source[k]
-    for row in range(2, height - 2):
-        target, far_up, up, level = into[row], across[row - 2], across[row - 1], across[row]
-        down, far_down = across[row + 1], across[row + 2]
-        for k in range(2, width - 2):
+    for row in range(len(image)):
+        line, target = image[row], across[row, 2:-2]
+        far_left, left, middle, right, far_right = line[:-4], line[1:-3], line[2:-2], line[3:-1], line[4:]
+        for k in range(len(target)):
+            target[k] = a * (far_left[k] + far_right[k]) + b * (left[k] + right[k]) + c * middle[k]
+    for row in range(2, len(image) - 2):
+        far_up, up, level = across[row - 2, 2:-2], across[row - 1, 2:-2], across[row, 2:-2]
+        down, far_down, target = across[row + 1, 2:-2], across[row + 2, 2:-2], into[row, 2:-2]
+        for k in range(len(target)):
             target[k] = a * (far_up[k] + far_down[k]) + b * (up[k] + down[k]) + c * level[k]
 
 

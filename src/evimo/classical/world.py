@@ -3,8 +3,11 @@
 Events carried back along the right motion fall onto each other, so the right motion makes their image sharpest. Four
 things keep an object that fills a third of the picture from being taken for the world. Crowded places are thinned, so
 that events count by the area that they stand for. A second motion is fitted to where the first one sharpens nothing. Of
-both, and of a camera at rest, the one wins that makes the largest area sharper. And what does not fit has little say in
-the last search.
+both the one wins that makes the larger area sharper. And what does not fit has little say in the last search.
+
+Last, the camera rests unless the motion that was found fits much of the picture. A slow one hardly sharpens: the smear
+that it removes grows with the square of its speed. Its opposite blurs twice as far, so that places are asked which of
+the two fits them better: an object's few places, noise, and a picture that rests have no answer in common.
 """
 
 from dataclasses import dataclass
@@ -28,7 +31,8 @@ CALM = 6.0  # added to the sharpness of a cell, so that few events say little
 SERVED = 0.03  # log of how much sharper a motion makes the cells that it serves
 ELSEWHERE = 0.15  # weight of their events in the second search
 MOST_SAY = 0.1  # of a cell, in logs of sharpness
-REST = 0.008  # mean say up to which the camera rests
+VOTE = 1  # px of the picture per pixel of the images that a motion is told from its opposite by
+WHOLE_VOTE = 0.02  # log of how much sharper one of them makes a cell, from which on it has no more say
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +52,7 @@ class Scene:
     def cells(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Each event's cell, (N,), and how many events each cell holds."""
         across = self.size[1] // CELL + 1
-        row, column = ((each + np.float32(0.5)).astype(np.intp) // CELL for each in (self.y, self.x))
+        row, column = (((each + np.float32(0.5)) * np.float32(1 / CELL)).astype(np.intp) for each in (self.y, self.x))
         of = row * across + column
         return of, np.bincount(of, minlength=(self.size[0] // CELL + 1) * across)
 
@@ -60,12 +64,12 @@ class Scene:
         ordered = np.sort(count)
         room = (most - np.cumsum(ordered) + ordered) / np.arange(len(ordered), 0, -1)  # for each of the fuller cells
         kept = room[np.argmax(room < ordered)]
-        chosen = np.diff(np.floor(np.cumsum((kept / np.maximum(count, kept))[of])), prepend=0) > 0
+        chosen = np.flatnonzero(np.diff(np.floor(np.cumsum((kept / np.maximum(count, kept))[of])), prepend=0) > 0)
         return Scene(self.x[chosen], self.y[chosen], self.t[chosen], self.size, self.centre)
 
 
-def coarse_motion(scene: Scene) -> F8 | None:
-    """Return about the motion (4,) of the static world, as in `sharpness`; None where the camera seems to rest."""
+def coarse_motion(scene: Scene) -> F8:
+    """Return about the motion (4,) of the static world, as in `sharpness`, if the camera does not rest."""
     few, cells, resting = scene.thinned(COARSE_EVENTS), _Cells(scene), np.zeros(4)
     searching = _Cells(few)
     before = cells.sharpness(resting)
@@ -74,15 +78,23 @@ def coarse_motion(scene: Scene) -> F8 | None:
     weight = searching.weight * np.where(by_first > SERVED, ELSEWHERE, 1).astype(np.float32)[searching.of]
     second = searched(few, weight, resting, steps=COARSE)
     by_second = np.log(cells.sharpness(second) / before)
-    says = cells.say(by_first, by_second), cells.say(by_second, by_first)
-    if max(says) <= REST:
-        return None
-    return first if says[0] >= says[1] else second
+    return first if cells.say(by_first, by_second) >= cells.say(by_second, by_first) else second
 
 
 def fine_motion(scene: Scene, share: F4, start: F8) -> F8:
     """Return the motion near `start` that makes the events sharpest, each counting by its share (N,)."""
     return searched(scene, _Cells(scene).weight * share, start, steps=FINE, spread=FREE)
+
+
+def shared(scene: Scene, motion: F8) -> float:
+    """Return the share of the picture that follows a motion rather than its opposite, less that which does not.
+
+    Of an object before a camera at rest it is small, whatever events there are elsewhere.
+    """
+    cells = _Cells(scene)
+    says = np.log(cells.sharpness(motion, step=VOTE) / cells.sharpness(-motion, step=VOTE))
+    votes = np.clip(says[cells.count >= FEWEST] / WHOLE_VOTE, -1, 1)
+    return float(votes.sum()) / len(cells.count)
 
 
 def searched(scene: Scene, weight: F4, start: F8, *, steps: tuple[int, ...], spread: F8 = SPREAD) -> F8:
@@ -104,19 +116,19 @@ class _Cells:
         mean = max(1.0, len(self.of) / max(1, int(np.count_nonzero(self.count))))
         self.weight = (1 / (self.count / mean + CROWDED)).astype(np.float32)[self.of]
 
-    def sharpness(self, motion: F8) -> F8:
-        """How closely the events of each cell lie together along a motion; never 0."""
-        x, y, images, centre = _at_scale(self._scene, FINE[0])
+    def sharpness(self, motion: F8, *, step: int = FINE[0]) -> F8:
+        """How closely the events of each cell lie together along a motion, in pixels of that size; never 0."""
+        x, y, images, centre = _at_scale(self._scene, step)
         at, close = np.empty((2, len(x)), np.float32), np.empty(len(x), np.float32)
-        warp_back(x, y, self._scene.t, motion * _scale(FINE[0]), centre, at)
+        warp_back(x, y, self._scene.t, motion * _scale(step), centre, at)
         sharpness(at, np.ones(len(x), np.float32), images)
         read(at, images[2], close)
         return np.bincount(self.of, close, len(self.count)).astype(np.float64) + CALM
 
     def say(self, sharper: F8, by_other: F8) -> float:
-        """How much sharper, in bounded logs, a motion makes the mean cell; those that only the other serves count 0."""
+        """How much sharper, in bounded logs, a motion makes all cells; those that only the other serves count 0."""
         own = (self.count >= FEWEST) & ~((sharper < 0) & (by_other > SERVED))
-        return float(np.clip(sharper[own], -MOST_SAY, MOST_SAY).sum() / len(self.count))
+        return float(np.clip(sharper[own], -MOST_SAY, MOST_SAY).sum())
 
 
 def _scale(step: int) -> F8:
