@@ -122,8 +122,8 @@ def packet_events(file: IO[bytes], offset: int, compression: int) -> Events:
         stored = np.frombuffer(raw, EVENT, count, vector)
     except struct.error as error:
         raise ValueError("not a packet of events") from error
-    x, y, t = (stored[name].astype(kind) for name, kind in (("x", np.uint16), ("y", np.uint16), ("t", np.int64)))
-    return Events(x, y, t, signs(stored["on"]))
+    x, y, p = stored["x"].astype(np.uint16), stored["y"].astype(np.uint16), signs(stored["on"])
+    return Events(x, y, stored["t"].astype(np.int64), p)
 
 
 def packet_rates(file: IO[bytes], offset: int, compression: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

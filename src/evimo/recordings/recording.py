@@ -213,7 +213,7 @@ def _check_numbers(arrays: Arrays, path: Path) -> None:
         BadFile: one is something else.
     """
     for name, values in arrays.items():
-        if not isinstance(values, np.ndarray) or values.dtype.kind not in "biuf":
+        if np.asarray(values).dtype.kind not in "biuf":  # HDF5 may give bytes or a text
             raise BadFile(f"`{name}` of {path} is no array of numbers", fix=DAMAGED)
 
 
