@@ -28,6 +28,7 @@ from evimo.errors import BadFile, EvimoError
 from evimo.writing import new_file
 
 if TYPE_CHECKING:
+    from evimo.training.config import TrainConfig
     from evimo.training.loop import Trainer
 
 PIECE = 15 << 20  # bytes
@@ -108,13 +109,11 @@ def alarm(until_s: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0)
 
 
-def trained(options: argparse.Namespace, report: dict[str, Any], until_s: float) -> None:
-    """Train until a time of `time.perf_counter`, or to the last step."""
+def config_of(options: argparse.Namespace) -> "TrainConfig":
+    """The run that the options ask for; `trained` saves by the clock."""
     from evimo.training.config import TrainConfig
-    from evimo.training.logs import log_rows
-    from evimo.training.start import Workplace, started
 
-    config = TrainConfig(
+    return TrainConfig(
         steps=options.steps,
         batch=options.batch,
         learning_rate=options.learning_rate,
@@ -124,22 +123,32 @@ def trained(options: argparse.Namespace, report: dict[str, Any], until_s: float)
         samples_per_slice=options.samples_per_slice,
     )
 
-    def note(trainer: "Trainer") -> None:
-        pace, learner = trainer.pace, trainer.learner
-        facts = {"step": trainer.step, "samples_per_s": pace.samples_per_s, "waiting": pace.waited}
-        report.update(facts, graph=learner.replays_graph)
-        split_state(trainer.out, options.out, trainer.step)
-        if (trainer.out / LOG).exists():
-            write(options.out / LOG, (trainer.out / LOG).read_bytes())
-        write(options.out / "report.json", json.dumps(report, indent=1).encode())
-        print(facts, flush=True)
+
+def note(trainer: "Trainer", out: Path, report: dict[str, Any]) -> None:
+    """Copy what the trainer saved last, and how fast it is, to OUT."""
+    from evimo.model.checkpoint import load_tensors
+
+    step = load_tensors(trainer.out / STATE)[1]["step"]  # the trainer's own may be ahead, where time was up
+    facts = {"step": step, "samples_per_s": trainer.pace.samples_per_s, "waiting": trainer.pace.waited}
+    report.update(facts, graph=trainer.learner.replays_graph)
+    split_state(trainer.out, out, step)
+    if (trainer.out / LOG).exists():
+        write(out / LOG, (trainer.out / LOG).read_bytes())
+    write(out / "report.json", json.dumps(report, indent=1).encode())
+    print(facts, flush=True)
+
+
+def trained(options: argparse.Namespace, report: dict[str, Any], until_s: float) -> None:
+    """Train until a time of `time.perf_counter`, or to the last step."""
+    from evimo.training.logs import log_rows
+    from evimo.training.start import Workplace, started
 
     with tempfile.TemporaryDirectory() as name, alarm(until_s):
         scratch = Path(name)
         if options.state and (options.state / "state.json").exists():
             join_state(options.state, scratch)
         workplace = Workplace(out=scratch, device=options.device, workers=options.workers)
-        with started([], options.preset, config, workplace, progress=lambda *_: None) as trainer:
+        with started([], options.preset, config_of(options), workplace, progress=lambda *_: None) as trainer:
             report["begun_at_step"], saved_s = trainer.step, time.perf_counter()
             with log_rows(scratch / LOG, trainer.step) as log:
 
@@ -151,12 +160,12 @@ def trained(options: argparse.Namespace, report: dict[str, Any], until_s: float)
                     if step == report["begun_at_step"] + 1 or now_s - saved_s > SAVE_S:
                         saved_s = now_s
                         trainer.save()
-                        note(trainer)
+                        note(trainer, options.out, report)
 
                 with suppress(TimeIsUp):
                     trainer.run(after)
             if (scratch / STATE).exists():
-                note(trainer)
+                note(trainer, options.out, report)
 
 
 def learning_rates(options: argparse.Namespace, report: dict[str, Any]) -> None:

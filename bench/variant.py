@@ -6,7 +6,8 @@
 `--shape` changes fields of the preset's shape, `--terms` weights of the recipe's loss terms, of both passes where both
 have them, and `--moving-share` the recipe's. `--slices` is how many slices there are to see; the others are missing.
 Values are JSON. Without any it is the run to compare with: same seed, same batches, same first weights if the shape is
-the same. `--start FILE` trains a model further, not from nothing. The same command again goes on where it stopped.
+the same. `--start FILE` trains a model further, not from nothing. The same command again goes on where it stopped, and
+another one in the same folder is refused.
 """
 
 import argparse
@@ -32,8 +33,6 @@ from evimo.training.loop import Trainer
 from evimo.training.recipes import RECIPES, Recipe
 from evimo.training.sources import from_folders
 from evimo.training.start import opened, training_samples
-
-VARIANT = "variant"
 
 
 def changes(texts: list[str]) -> dict[str, Any]:
@@ -82,14 +81,15 @@ def options() -> argparse.Namespace:
 def main() -> None:
     """Parse, train, score, export."""
     asked = options()
-    RECIPES[VARIANT] = changed(RECIPES[asked.recipe], changes(asked.terms), asked.moving_share)
+    variant = f"variant of {asked.recipe}, {asked.slices} slices"
+    RECIPES[variant] = changed(RECIPES[asked.recipe], changes(asked.terms), asked.moving_share)
     data.stack_of = validation.stack_of = few(data.stack_of, asked.slices)
-    config = TrainConfig(recipe=VARIANT, steps=asked.steps, learning_rate=asked.learning_rate, seed=asked.seed)
+    config = TrainConfig(recipe=variant, steps=asked.steps, learning_rate=asked.learning_rate, seed=asked.seed)
     torch.manual_seed(config.seed)
     shape = replace(PRESETS[asked.preset], **changes(asked.shape))
     model: Model = load_model(asked.start) if asked.start else network_of(shape)
     samples = training_samples(asked.folders, lambda done, total: None)
-    trainer = Trainer(model, config, from_folders(samples), asked.out)
+    trainer = Trainer(model, config, from_folders(samples), asked.out, data=samples.fingerprint())
     trainer.resume()
     recordings = opened(asked.validate, lambda done, total: None) if asked.validate else []
     steps = iter(track(range(config.steps - trainer.step), description="train"))

@@ -88,9 +88,9 @@ def half_knowing(path: Path) -> Iterator[Estimate]:
 
 @pytest.fixture
 def runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
-    """Replaces the networks `perfect` and `half` by these; lists the model and the recording of each run."""
+    """Replaces the networks `perfect`, `half` and `_mine` by these; lists the model and the recording of each run."""
     done: list[tuple[str, str]] = []
-    models = {"perfect": knowing, "half": half_knowing}
+    models = {"perfect": knowing, "half": half_knowing, "_mine": knowing}
 
     def run(events, *, model, camera, imu, start_s=0.0, stop_s=None):
         assert imu == "off"

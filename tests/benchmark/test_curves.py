@@ -1,6 +1,7 @@
 """Curves against what can be counted by hand, and sums that survive being kept and added."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,6 +52,19 @@ def test_motion_errors_are_sorted_by_how_fast_the_camera_is(sample):
     assert SPEED not in curves_of(Prediction(ego=ego), sample)
 
 
+def test_no_pixel_and_no_slice_lies_beyond_the_curves(sample):
+    """Depths of 0.1 and 20 m, and a camera at 5 m/s that turns by 9 rad/s, are in the first and the last bins."""
+    depth = sample.truth.depth.copy()
+    depth[0], depth[1] = 0.1, 20.0
+    fast = replace(sample.truth, depth=depth, ego=np.array([3.0, 0, 4, 9, 0, 0]))
+    ones = np.ones(sample.scored.shape)
+    curves = curves_of(Prediction(ego=np.zeros(6), rel_depth=ones), replace(sample, truth=fast))
+    counts = {name: score.bottom for name, score in curves[DEPTH].items()}
+    assert counts == {"0": 40, "3": 100, "5": 1200 - 180, "7": 40}
+    assert {name: score.value for name, score in curves[TURNING].items()} == {"7": approx(9)}
+    assert {name: score.value for name, score in curves[SPEED].items()} == {"6": approx(5)}
+
+
 def test_tallies_add_up_and_come_back_from_json(saved, tmp_path):
     ticks = []
     recording = open_recording(saved(tmp_path / "wall", background="wall"))
@@ -71,6 +85,8 @@ def test_tallies_add_up_and_come_back_from_json(saved, tmp_path):
         ((0.3, 0.2), 0.3, "iou", set()),
         ((0.3, 0.2), 0.1, "iou", {"a"}),
         ((0.3, 0.3), 0.1, "iou", {"a", "b"}),
+        ((0.3002, 0.3004), 0.1, "iou", {"a", "b"}),  # printed alike
+        ((0.3004, 0.2), 0.3, "iou", set()),
         ((0.3, 0.2), 0.4, "abs_rel", {"b"}),
         ((0.3, 0.2), 0.2, "abs_rel", set()),
     ],

@@ -178,6 +178,27 @@ def test_another_recording_at_the_place_of_one_scored_before_is_scored(runs, rec
     assert [path.name for path in runs] == ["a", "b", "a"]
 
 
+def test_a_recording_whose_truth_has_changed_is_scored_anew(runs, recordings, tmp_path):
+    """As many instants, events and facts as before."""
+    command = ["evaluate", str(recordings), "--out", str(tmp_path / "out")]
+    main(command)
+    mask = recordings / "b" / "dataset_mask.npz"
+    with np.load(mask) as maps:
+        emptied = {name: np.zeros_like(maps[name]) for name in maps.files}
+    np.savez_compressed(mask, **emptied)
+    main(command)
+    assert [path.name for path in runs] == ["a", "b", "b"]
+
+
+def test_a_file_in_the_place_of_another_is_another_recording(tmp_path):
+    file = save_recording(tmp_path / "c.npz", Evimo1Writer)
+    first, content = open_recording(file).mark, file.read_bytes()
+    assert open_recording(file).mark == first
+    file.unlink()
+    file.write_bytes(content)
+    assert open_recording(file).mark != first
+
+
 def test_files_in_the_layout_of_ev_imo_score_as_folders_do(runs, recordings, tmp_path):
     file = save_recording(tmp_path / "v1" / "c.npz", Evimo1Writer)
     (tmp_path / "v1" / f"{MARKER}d").mkdir()

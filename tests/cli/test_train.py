@@ -50,6 +50,7 @@ def trained(arguments):
     ("option", "value"),
     [
         *(("--steps", "0"), ("--steps", "-3"), ("--batch", "0"), ("--samples-per-slice", "0"), ("--threads", "-1")),
+        *(("--workers", "0"), ("--workers", "-2")),
         *(("--learning-rate", "nan"), ("--learning-rate", "-1"), ("--seed", "-1"), ("--validate-every", "0")),
     ],
 )
@@ -95,7 +96,7 @@ def test_the_same_command_goes_on_where_it_stopped(run):
 def test_other_options_in_the_same_folder_are_refused(run, capsys):
     _, arguments = run
     assert main([*arguments, "--seed", "1"]) == 2
-    assert "another seed" in capsys.readouterr().err
+    assert "differs in seed" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -134,6 +135,15 @@ def test_a_wrong_name_is_one_clear_error(options, words, recordings, tmp_path, c
     said = capsys.readouterr().err
     assert f"error: {words}" in said and "try: one of" in said
     assert not (tmp_path / "run").exists()
+
+
+def test_recordings_that_are_learned_from_and_validated_on_are_said(recordings, tmp_path, capsys):
+    first, second = sorted(path for path in recordings.iterdir() if path.is_dir())
+    wrong = ["--recipe", "soup", "--out", str(tmp_path / "run")]  # ends it before it trains
+    assert main(["train", str(first), "--validate", str(recordings), *wrong]) == 2
+    assert f"warning: {first} is learned from and validated on" in capsys.readouterr().err
+    assert main(["train", str(first), "--validate", str(second), *wrong]) == 2
+    assert "warning" not in capsys.readouterr().err
 
 
 def test_an_empty_folder_is_one_clear_error(tmp_path, capsys):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pytest import approx
 
-from evimo.evaluation.without_truth import Agreement, carried, rotation_scores, warp_gain
+from evimo.evaluation.without_truth import Agreement, add_slice, carried, rotation_scores, warp_gain, without_flow
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import rectified
@@ -95,7 +95,7 @@ def events_of(k: int) -> Events:
 def agreement_with(flow_px: float) -> Agreement:
     found = Agreement(rectified(CAMERA))
     for k in range(5):
-        found.add(estimate(k, flow_px=flow_px), events_of(k))
+        found.add(estimate(k, flow_px=flow_px), events_of(k), gain=None)
     return found
 
 
@@ -114,10 +114,24 @@ def test_the_share_of_events_called_moving():
 def test_a_slice_without_events_says_nothing_and_is_no_neighbour():
     found = Agreement(rectified(CAMERA))
     for k in range(5):
-        found.add(estimate(k, flow_px=6, has_events=k != 2), events_of(k))
+        found.add(estimate(k, flow_px=6, has_events=k != 2), events_of(k), gain=None)
     assert found.scores["consistency"].samples == 2
     assert found.times_us == [12_500, 37_500, 87_500, 112_500]
     np.testing.assert_array_equal(found.rotations, np.tile((3.0, 4, 5), (4, 1)))
+
+
+def test_gains_of_models_are_of_the_same_slices():
+    """A flow that carries all events out of the image has no gain: then no model's counts, nor zero flow's."""
+    alone, both = Agreement(rectified(CAMERA)), [Agreement(rectified(CAMERA)) for _ in range(2)]
+    for k in range(4):
+        add_slice([alone], [estimate(k, flow_px=6)], events_of(k))
+        wild = estimate(k, flow_px=1e5 if k == 1 else 6)
+        add_slice(both, [estimate(k, flow_px=6), wild], events_of(k))
+    assert alone.scores["warp_gain"].samples == 4
+    assert [each.scores["warp_gain"].samples for each in both] == [3, 3]
+    assert both[0].scores["warp_gain"] == both[1].scores["warp_gain"]
+    assert both[0].scores["called_moving"].samples == alone.scores["called_moving"].samples
+    assert without_flow(both[0].scores)["warp_gain"].samples == 3 and without_flow({}) == {}
 
 
 def test_rotation_against_a_gyroscope():

@@ -45,7 +45,7 @@ def test_further_channels_can_learn(small, look):
         assert (listener.weight.grad.abs().amax((0, 2, 3)) > 0).float().mean() > 0.9
 
 
-@pytest.mark.parametrize("change", [{"hidden": 8}, {"growth": 10}, {"depth_growth": 2}, {"layers": 3}])
+@pytest.mark.parametrize("change", [{"hidden": 8}, {"growth": 10}, {"depth_growth": 2}, {"layers": 3}, {"objects": 2}])
 def test_a_shape_that_is_not_wider_is_refused(small, change):
     with pytest.raises(BadInput, match="wide"):
         widened(small, replace(PRESETS["base"], **change))

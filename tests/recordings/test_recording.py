@@ -8,6 +8,7 @@ from evimo.errors import BadFile, BadInput, NotFound
 from evimo.events.events import joined
 from evimo.formats import open_events
 from evimo.recordings.imu import Imu
+from evimo.recordings.prepared import prepare
 from evimo.recordings.recording import open_recording
 from evimo.recordings.writer import RecordingWriter
 
@@ -85,6 +86,21 @@ def test_ids_that_do_not_fit_the_events_are_refused(folder, wrong):
     np.save(folder / "dataset_events_id.npy", wrong)
     with pytest.raises(BadFile, match=r"ids of events|dataset_events_id"):
         _ = open_recording(folder).event_ids
+
+
+def test_a_recording_is_told_from_itself_once_a_file_has_changed(folder):
+    mark = open_recording(folder).mark
+    prepare(folder)  # adds files that say nothing new
+    (folder / ".unfinished-0").mkdir()
+    (folder / ".unfinished-0" / "file").touch()
+    assert open_recording(folder).mark == mark
+    for name in ("dataset_mask.npz", "dataset_events_t.npy", "dataset_depth.npz"):
+        changed = folder / name
+        content = changed.read_bytes()
+        changed.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))  # as long as before
+        marks = {mark, open_recording(folder).mark}
+        assert len(marks) == 2
+        mark = open_recording(folder).mark
 
 
 @pytest.fixture

@@ -44,6 +44,12 @@ def test_losses_scores_and_pictures_are_left(curves, recording, without_events, 
     assert float(row["event_iou"]) == pytest.approx(scores["event_iou"], rel=1e-3)
 
 
+def test_recordings_that_cannot_be_scored_are_refused(curves, recording, without_events, tmp_path):
+    worlds = [without_events(recording()), recording(slices=4)]
+    with pytest.raises(BadInput, match="no recording to validate on"), curves.open_curves(tmp_path, worlds, step=0):
+        pass
+
+
 def test_a_run_that_was_killed_draws_its_later_steps_anew(curves, tmp_path):
     for begin, values in ((0, (5, 4, 3)), (1, (2, 1))):
         with curves.open_curves(tmp_path, [], step=begin) as these:

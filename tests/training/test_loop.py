@@ -7,11 +7,12 @@ import pytest
 import torch
 
 from evimo.errors import BadFile, BadInput, EvimoWarning
-from evimo.model.checkpoint import load_model, load_tensors
+from evimo.model.checkpoint import load_model, load_tensors, save_tensors
 from evimo.training import learner, loop
 from evimo.training.config import TrainConfig
 from evimo.training.data import drawn_row, samples_of, stacked
 from evimo.training.loop import MODEL, STATE, Trainer
+from evimo.training.recipes import RECIPES
 from evimo.training.sources import from_folders
 
 CONFIG = TrainConfig(steps=6, batch=2, warm_up=2, save_every=4)
@@ -90,6 +91,39 @@ def test_a_folder_holds_one_run(change, small, tiny, tmp_path):
     trained(Trainer(tiny(), CONFIG, small, tmp_path), stop_after=1)
     with pytest.raises(BadInput, match=next(iter(change))):
         Trainer(tiny(), replace(CONFIG, **change), small, tmp_path).resume()
+
+
+@pytest.fixture
+def begun(small, tiny, tmp_path):
+    """Makes trainers of one folder, in which a run has begun."""
+
+    def trainer(**changes):
+        return Trainer(tiny(), CONFIG, small, tmp_path, data=changes.get("data", "these"))
+
+    trained(trainer(), stop_after=1)
+    return trainer
+
+
+def test_other_recordings_are_another_run(begun):
+    assert begun().resume()
+    with pytest.raises(BadInput, match="differs in recordings") as raised:
+        begun(data="those").resume()
+    assert "--preset" in raised.value.fix
+
+
+def test_a_recipe_with_other_weights_is_another_run_whatever_its_name(begun, monkeypatch):
+    shipped = RECIPES["shipped"]
+    monkeypatch.setitem(RECIPES, "shipped", replace(shipped, weights=shipped.weights | {"mask": 0.5}))
+    with pytest.raises(BadInput, match="differs in weights"):
+        begun().resume()
+
+
+def test_a_run_of_a_version_that_told_neither_is_refused(begun, tmp_path):
+    """It also drew other samples."""
+    tensors, facts = load_tensors(tmp_path / STATE)
+    save_tensors(tensors, tmp_path / STATE, **{k: v for k, v in facts.items() if k not in ("weights", "data")})
+    with pytest.raises(BadInput, match="differs in first, weights, moving_share, recordings"):
+        begun().resume()
 
 
 def test_nothing_to_go_on_from(small, tiny, tmp_path):

@@ -1,5 +1,6 @@
 from dataclasses import dataclass
 from math import log, pi
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,14 +32,14 @@ def batch(recording):
 
 @dataclass
 class Answer:
-    """What a model says at a scale, the batch brought there, and the truth's mean depth."""
+    """What a model says at a scale, the batch brought there, and the truth's mean depth, its unit."""
 
     prediction: Prediction
     here: Batch
-    mean_depth: Tensor
+    unit: Tensor
 
     def costs(self, recipe):
-        found = terms(self.prediction, self.here, self.mean_depth, recipe)
+        found = terms(self.prediction, self.here, self.unit, recipe)
         return {name: values.mean().item() for name, values in found.items()}
 
 
@@ -152,7 +153,7 @@ def one_event(batch, channel, *, moving):
     px = 40 / answer.prediction.intrinsics[:, :1, None, None]
     seen = torch.cat((3 * px + 0 * still[:, :1], still[:, :1]), dim=1)
     prediction = answer.prediction._replace(seen=seen, taken=still)
-    return terms(prediction, here, answer.mean_depth, Recipe(weights={"seen": 1.0}))["seen"][0, 0]
+    return terms(prediction, here, answer.unit, Recipe(weights={"seen": 1.0}))["seen"][0, 0]
 
 
 @pytest.mark.parametrize(("moving", "far", "near"), [(False, 0.3, 1.8), (True, 0.9, 5.4)])
@@ -174,7 +175,7 @@ def test_a_flow_error_is_of_what_is_left(batch):
     prediction = answer.prediction._replace(seen=answer.here.flow * 0.9, taken=taken)
     whole = answer.prediction._replace(seen=answer.here.flow * 0.9, taken=taken * 0)
     recipe = Recipe(weights={"seen": 1.0})
-    costs = [terms(each, answer.here, answer.mean_depth, recipe)["seen"].mean() for each in (prediction, whole)]
+    costs = [terms(each, answer.here, answer.unit, recipe)["seen"].mean() for each in (prediction, whole)]
     assert costs[0] > 1.2 * costs[1]  # small errors beside nothing count more than beside a fast flow
 
 
@@ -203,16 +204,11 @@ def first_answer(batch, *, wrong=0.0):
     mean = mean_over(batch.depth, batch.depth_valid)
     ego = torch.cat((batch.ego[:, :3] / mean[:, :, 0, 0], batch.ego[:, 3:]), dim=1) / 40 + wrong / 40
     flow = here.flow * batch.intrinsics[:, :2, None, None] / 40 + wrong
-    return FirstAnswer(here.depth / mean + wrong, ego, flow, here.valid), mean
+    return FirstAnswer(here.depth / mean + wrong, ego, flow, here.valid)
 
 
 def first_costs(batch, recipe, **how):
-    return {name: v.mean().item() for name, v in first_terms(*pair_with(batch, **how), recipe).items()}
-
-
-def pair_with(batch, **how):
-    answer, mean = first_answer(batch, **how)
-    return answer, batch, mean
+    return {name: v.mean().item() for name, v in first_terms(first_answer(batch, **how), batch, recipe).items()}
 
 
 def test_a_true_first_answer_costs_nothing(batch):
@@ -220,6 +216,31 @@ def test_a_true_first_answer_costs_nothing(batch):
     found = first_costs(batch, SHIPPED)
     assert found.pop("depth") == pytest.approx(1)
     assert found == pytest.approx({"seen": 0, "rigid": 0, "twist": 0}, abs=2e-3)
+
+
+@pytest.mark.parametrize("known", ["moving", "depth_valid"])
+def test_a_true_answer_costs_nothing_where_the_depth_of_objects_alone_is_known(known, batch):
+    """As in EV-IMO: the box is at half the distance of the wall, and an answer's depths are about the mean of all."""
+    said = [true_answer(batch, step).prediction for step in (2, 1)]
+    model = SimpleNamespace(first=lambda *_: first_answer(batch), second=lambda *_: said)
+    here = getattr(batch, known)
+    _, found = objective(model, batch._replace(depth_valid=here), SHIPPED)
+    for name in ("first_depth", "depth"):
+        assert found[name].item() == pytest.approx(here.float().mean().item(), abs=0.02)  # 1 where it is known
+    for name in ("first_twist", "twist", "velocity"):
+        assert found[name].item() == pytest.approx(0, abs=2e-3), name
+
+
+def test_without_any_depth_the_rotation_alone_is_compared(batch):
+    answer = true_answer(batch, 1)
+    answer.here = answer.here._replace(depth_valid=torch.zeros_like(answer.here.depth_valid))
+    for wrong, cost in (((5.0, -3, 2, 0, 0, 0), 0), ((0, 0, 0, 0, 0.6, 0), 0.6)):
+        ego = (answer.prediction.ego + torch.tensor(wrong)).requires_grad_()
+        found = terms(answer.prediction._replace(ego=ego), answer.here, answer.unit, Recipe(weights={"twist": 1.0}))
+        size = 1 + (ego[:, :3]).detach().norm(dim=1).mean().item()  # nothing turns
+        assert found["twist"].mean().item() * size == pytest.approx(cost, rel=0.05, abs=1e-6)
+        found["twist"].mean().backward()
+        assert torch.isfinite(ego.grad).all() and not ego.grad[:, :3].any()
 
 
 @pytest.mark.parametrize("name", SHIPPED.first)
@@ -230,7 +251,7 @@ def test_a_worse_first_answer_costs_more(name, batch):
 
 def test_what_is_taken_out_is_the_flow_of_the_static_world(batch):
     """The wall moves by 1 px per slice, and something static at the box's depth, half as far, would by 2."""
-    first, _ = first_answer(batch)
+    first = first_answer(batch)
     first = first._replace(flow=first.flow.clone().requires_grad_())
     taken = taken_out(batch, first)
     moving = batch.moving[:, 0, 1::2, 1::2]

@@ -62,6 +62,9 @@ def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path)
     assert weights[0].equal(weights[1]) and not weights[0].equal(weights[2])
     one.run(lambda *_: None)
     assert begun(config).step == 1
+    data[:] = [tmp_path / "a"]
+    with pytest.raises(BadInput, match="differs in recordings"):
+        begun(config)
 
 
 @pytest.mark.parametrize(

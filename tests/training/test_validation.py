@@ -143,3 +143,13 @@ def test_depth_is_scored_at_the_median_scale(recording, scores):
 
     assert scores(right, world, every=20)["depth"] == pytest.approx(0, abs=1e-3)
     assert scores(second, world, every=20)["depth"] == pytest.approx(0.5 * 8 / 32, abs=1e-3)
+
+
+def test_a_true_translation_is_right_where_the_depth_of_objects_alone_is_known(recording, scores):
+    """The box is at half the wall's distance: what is known of depth says nothing of the mean that is the unit."""
+    world = recording(slices=5)
+    part = replace(world, depth=np.where(world.moving, world.depth, 0).astype(np.float16))
+    assert scores(perfect(world, 2), part)["translation"] < 1e-3
+    none = replace(world, depth=np.zeros_like(world.depth))
+    found = scores(perfect(world, 2), none)
+    assert np.isnan(found["translation"])

@@ -31,6 +31,11 @@ class BodyPath:
             poses[mine], twist[mine], valid[mine] = motion.world_from_body, motion.twist, motion.valid
         return Motion(poses, twist, valid)
 
+    def samples_us(self, start_us: int, stop_us: int) -> I8:
+        """The times with start <= t < stop at which motion capture saw it."""
+        first, last = np.searchsorted(self._track.times_us, (start_us, stop_us))
+        return self._track.times_us[first:last]
+
     def last_seen_us(self, times_us: I8) -> I8:
         """When motion capture saw it last, at or before each time (M,); before the first time it is that one."""
         samples = self._track.times_us

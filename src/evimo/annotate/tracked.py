@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.annotate.paths import BodyPath
+from evimo.annotate.paths import STRETCH_US, BodyPath
 from evimo.annotate.surfaces import Surfaces, surfaces_of
 from evimo.captures.capture import Capture
 from evimo.errors import BadInput
 from evimo.geometry.rotations import inverse_poses
 from evimo.geometry.trajectory import Motion
+from evimo.recordings.paths import moving_of
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.truth import ObjectTruth
 
@@ -37,6 +38,18 @@ class Body(NamedTuple):
         velocity, spin = motion.twist[:, :3], motion.twist[:, 3:]
         twist = np.concatenate(((velocity + np.cross(spin, offset)) @ rotation, spin @ rotation), axis=1)
         return Motion(motion.world_from_body @ self.body_from_frame, twist, motion.valid)
+
+    def moving(self, times_us: I8) -> Bools:
+        """When the frame moves (M,), as it does in datasets: told from what it did up to then, for 20 s at least."""
+        starts = times_us // STRETCH_US * STRETCH_US
+        moving = np.zeros(len(times_us), np.bool_)
+        for start_us in np.unique(starts).tolist():
+            mine = starts == start_us
+            steps_us = self.path.samples_us(start_us - STRETCH_US, start_us + STRETCH_US)
+            if len(steps_us):
+                place = np.searchsorted(steps_us, times_us[mine], side="right") - 1
+                moving[mine] = moving_of(self.at(steps_us))[np.maximum(place, 0)]
+        return moving
 
 
 class Placed(NamedTuple):
@@ -88,8 +101,9 @@ class TrackedScene:
             codes.append(np.where(motion.valid, self.ids[k], self._lost(k, times_us)))
             velocity = np.einsum("fij,fj->fi", pose[:, :3, :3], motion.twist[:, :3])
             spin = np.einsum("fij,fj->fi", pose[:, :3, :3], motion.twist[:, 3:])
+            moves = self.objects[k].moving(times_us)
             for f in np.flatnonzero(motion.valid).tolist():
-                objects[f][int(self.ids[k])] = ObjectTruth(pose[f, :3, 3], velocity[f], spin[f])
+                objects[f][int(self.ids[k])] = ObjectTruth(pose[f, :3, 3], velocity[f], spin[f], bool(moves[f]))
         if self.world_from_room is not None:
             scans.append(cam_from_world @ self.world_from_room)
             codes.append(np.full(len(times_us), ROOM))

@@ -1,10 +1,8 @@
 """What is kept of each model on each recording, so that a benchmark that was killed goes on where it was."""
 
-import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +17,9 @@ from evimo.recordings.recording import Recording, open_recording
 from evimo.streaming.models import model_of
 from evimo.writing import save_text
 
-FORMAT = 1
+FORMAT = 2
 """Of the kept files; grows when the meaning of a number changes."""
-MARK = 10  # digits of a hash in a file's name
+MARK = 10  # digits of a recording's mark in a file's name
 
 
 @dataclass(frozen=True)
@@ -31,12 +29,6 @@ class Sequence:
     recording: Recording
     name: str
     scene: str
-
-    @cached_property
-    def mark(self) -> str:
-        """What tells it from others of the same name, and from itself made otherwise."""
-        told = [self.name, self.recording.meta, self.recording.event_count(), len(self.recording)]
-        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:MARK]
 
 
 @dataclass(frozen=True)
@@ -98,7 +90,7 @@ class Kept:
 
     def _path(self, rival: Rival, sequence: Sequence) -> Path:
         name = sequence.name.removesuffix(".npz").replace("/", "_")
-        return self._folder / rival.name.replace(" ", "_") / f"{name}-{sequence.mark}.json"
+        return self._folder / rival.name.replace(" ", "_") / f"{name}-{sequence.recording.mark[:MARK]}.json"
 
 
 def _settings(rival: Rival, sequence: Sequence) -> dict[str, Any]:
@@ -106,7 +98,7 @@ def _settings(rival: Rival, sequence: Sequence) -> dict[str, Any]:
         "format": FORMAT,
         "model": rival.name,
         "identity": rival.identity,
-        "recording": sequence.mark,
+        "recording": sequence.recording.mark,
         "evimo": own_version(),
     }
 
@@ -121,7 +113,8 @@ def scored(
     missing = {rival.name: rival for rival in rivals if rival.name not in tallies}
     if missing:
         models = {name: rival.model for name, rival in missing.items()}
-        for name, tally in tallies_of(sequence.recording, models, lambda: advance(len(models), True)).items():
+        recording = open_recording(sequence.recording.path)  # anew: what it maps is given back when it is done
+        for name, tally in tallies_of(recording, models, lambda: advance(len(models), True)).items():
             kept.keep(missing[name], sequence, tally)
             tallies[name] = tally
     return tallies

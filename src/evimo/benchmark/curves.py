@@ -1,7 +1,6 @@
 """How scores depend on something: on the threshold of a mask, on depth, on how fast the camera turns and moves."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ TURNING_EDGES = (0.0, 0.1, 0.2, 0.4, 0.7, 1.1, 1.7, 2.6, 4.0)
 SPEED_EDGES = (0.05, 0.1, 0.2, 0.35, 0.55, 0.8, 1.2, 1.8)
 """m/s"""
 EDGES = {DEPTH: DEPTH_EDGES_M, TURNING: TURNING_EDGES, SPEED: SPEED_EDGES}
+"""Of bins; the first and the last one also hold everything beyond their outer edges."""
 
 
 def curves_of(prediction: Prediction, sample: LabelledSlice) -> dict[str, Scores]:
@@ -62,11 +62,9 @@ def depth_curve(rel_depth: Floats, sample: LabelledSlice) -> Scores:
         return {}
     true = sample.truth.depth[known].astype(np.float64)
     error = np.abs(rel_depth[known] * metrics.median_scale(rel_depth[known], true) - true) / true
-    at = np.searchsorted(DEPTH_EDGES_M, true, side="right") - 1
-    inside = (at >= 0) & (at < len(DEPTH_EDGES_M) - 1)
-    wide = len(DEPTH_EDGES_M) - 1
-    sums, counts = np.bincount(at[inside], error[inside], wide), np.bincount(at[inside], minlength=wide)
-    return {str(k): Score(float(sums[k]), int(counts[k])) for k in range(wide) if counts[k]}
+    at = _bins(true, DEPTH_EDGES_M)
+    sums, counts = np.bincount(at, error), np.bincount(at)
+    return {str(k): Score(float(sums[k]), int(counts[k])) for k in np.flatnonzero(counts)}
 
 
 def motion_curves(ego: Floats, sample: LabelledSlice, *, metres: float | None) -> dict[str, Scores]:
@@ -84,4 +82,9 @@ def motion_curves(ego: Floats, sample: LabelledSlice, *, metres: float | None) -
 
 
 def _in_bin(value: float, edges: Sequence[float], error: float) -> Scores:
-    return {str(k): Score(error, 1) for k, (low, high) in enumerate(pairwise(edges)) if low <= value < high}
+    return {str(_bins(value, edges)): Score(error, 1)}
+
+
+def _bins(values: Floats | float, edges: Sequence[float]) -> NDArray[np.intp]:
+    """Which bin each value is in."""
+    return np.searchsorted(edges[1:-1], values, side="right")

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from evimo.benchmark.tables import Block, ResultTable, value_of
+from evimo.benchmark.tables import Block, ResultTable, printed
 from evimo.evaluation.columns import BY_NAME
 
 NETWORKS = ("base", "small", "tiny")
@@ -27,7 +27,7 @@ def verdicts(tables: Sequence[ResultTable]) -> Iterator[str]:
 
 def _ordered(block: Block, name: str, expected: Sequence[str]) -> Iterator[str]:
     column = BY_NAME[name]
-    values = {row.name: value_of(row, column) for row in block.rows if row.kind == "model"}
+    values = {row.name: printed(row, column) for row in block.rows if row.kind == "model"}
     found = [(model, value) for model in expected if (value := values.get(model)) is not None]
     if len(found) < 2:
         return
@@ -39,7 +39,7 @@ def _ordered(block: Block, name: str, expected: Sequence[str]) -> Iterator[str]:
 
 def _last(block: Block, name: str, others: Sequence[str]) -> Iterator[str]:
     column = BY_NAME[name]
-    values = {row.name: value for row in block.rows if (value := value_of(row, column)) is not None}
+    values = {row.name: value for row in block.rows if (value := printed(row, column)) is not None}
     rivals = [values[other] for other in others if other in values]
     if LAST_ON_DEPTH in values and rivals:
         last = values[LAST_ON_DEPTH] >= max(rivals)

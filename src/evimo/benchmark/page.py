@@ -44,9 +44,10 @@ def as_html(result: Result) -> str:
 def _lead(result: Result) -> str:
     slices = sum(tally.counts.get("slices", 0) for tally in result.by_scene[TRIVIAL].values())
     models = ", ".join(result.models)
+    truth = "exact truth" if result.simulated == len(result.sequences) else "the truth of the recordings"
     return (
         f"{len(result.sequences)} recordings, {slices:,} slices of 25 ms. Models: {models}. Measured by evimo benchmark"
-        " against exact truth, on the same slices and pixels for every row."
+        f" against {truth}, on the same slices and pixels for every row."
     )
 
 

@@ -25,6 +25,7 @@ COLOURS = ("#1b5fc1", "#0f9d8a", "#e08a1e", "#8e5bd0", "#d1495b", "#5c6b7a")
 MARKERS = "osD^vP"
 GREY, RULE, INK = "#8a929c", "#e3e6ea", "#20262e"
 HALF = LEVELS // 2
+BEYOND = " The first and the last point hold everything beyond them."
 STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # names of files and models are no formulas
     "svg.fonttype": "none",  # text stays text: it can be searched, and the page's font is used
@@ -74,11 +75,11 @@ def _precision_recall(result: Result) -> Plot | None:
         for k, (model, curves) in enumerate(lines.items()):
             colour = _colour(result, model)
             recall, precision = _pairs(curves)
-            axes.plot(recall, precision, color=colour, label=model, linewidth=1.8)
+            axes.plot(recall, precision, color=colour, label=_label(model), linewidth=1.8)
             at = [curves[name][str(HALF)].value or 0 for name in (RECALL, PRECISION)]
             axes.plot(*at, color=colour, marker=MARKERS[k % len(MARKERS)], markersize=7)
         axes.set(xlabel="recall", ylabel="precision", xlim=(0, 1), ylim=(0, 1.02))
-        axes.legend(loc="lower left")
+        _legend(axes)
 
     caption = "Moving pixels, pooled over all scored pixels; the marks are at the threshold of ½ that all tables use."
     return _plot("Precision and recall", caption, draw) if lines else None
@@ -116,11 +117,14 @@ def _stratified(
         for k, (model, each) in enumerate(values.items()):
             known = [(at, value) for at, value in enumerate(each) if value is not None]
             axes.plot(
-                *zip(*known, strict=True), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=model
+                *zip(*known, strict=True),
+                color=_colour(result, model),
+                marker=MARKERS[k % len(MARKERS)],
+                label=_label(model),
             )
         axes.set_xticks(range(len(words)), words)
         axes.set(xlabel=label, ylabel="IoU", ylim=(0, 1))
-        axes.legend(loc="best")
+        _legend(axes)
 
     caption = "Mean over the frames that show such a mover; pixels of other movers are left out."
     return _plot(title, caption, draw)
@@ -132,21 +136,21 @@ def _over_bins(result: Result) -> Iterator[Plot | None]:
         DEPTH,
         trivial=CONSTANT_DEPTH,
         words=("Depth error over depth", "true depth, m", "mean |error| / true depth"),
-        caption="Pixels by their true depth, each frame at its median scale; one depth is right at one depth.",
+        caption="Pixels by their true depth, each frame at its median scale; one depth is right at one depth." + BEYOND,
     )
     yield _binned(
         result,
         TURNING,
         trivial=ZERO_TWIST,
         words=("Rotation error over rotation", "how fast the camera turns, rad/s", "RRE, rad/s"),
-        caption="Slices by the true rotation of the camera; above the dashed line, saying nothing is better.",
+        caption="Slices by the true rotation of the camera; above the dashed line, saying nothing is better." + BEYOND,
     )
     yield _binned(
         result,
         SPEED,
         trivial=ZERO_TWIST,
         words=("Velocity error over speed", "how fast the camera moves, m/s", "AEE at the scale of the depths, m/s"),
-        caption="Slices by the true speed of the camera; above the dashed line, saying nothing is better.",
+        caption="Slices by the true speed of the camera; above the dashed line, saying nothing is better." + BEYOND,
     )
 
 
@@ -164,11 +168,15 @@ def _binned(result: Result, name: str, *, trivial: str, words: tuple[str, str, s
         return [x for x, _ in known], [y for _, y in known]
 
     def draw(axes: "Axes") -> None:
-        axes.plot(*points(nothing), color=GREY, linestyle="--", label=trivial)
+        axes.plot(
+            *points(nothing), color=GREY, linestyle="--", label=trivial, zorder=3
+        )  # seen where models are no better
         for k, (model, curve) in enumerate(curves.items()):
-            axes.plot(*points(curve), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=model)
+            axes.plot(
+                *points(curve), color=_colour(result, model), marker=MARKERS[k % len(MARKERS)], label=_label(model)
+            )
         axes.set(xlabel=words[1], ylabel=words[2], ylim=(0, None), xlim=(0, None))
-        axes.legend(loc="best")
+        _legend(axes)
 
     return _plot(words[0], caption, draw) if curves else None
 
@@ -193,7 +201,7 @@ def _by_sequence(result: Result) -> Plot | None:
                 linestyle="none",
                 markersize=6,
                 alpha=0.9,
-                label=model,
+                label=_label(model),
             )
         starts = [at for at, scene in enumerate(scenes) if at == 0 or scene != scenes[at - 1]]
         for start, stop in zip(starts, [*starts[1:], len(scenes)], strict=True):
@@ -211,6 +219,16 @@ def _by_sequence(result: Result) -> Plot | None:
 
 def _short(name: str) -> str:
     return name.rsplit("/", 1)[-1].removesuffix(".npz")
+
+
+def _legend(axes: "Axes") -> None:
+    """Above the plot, where it hides nothing."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
+
+
+def _label(model: str) -> str:
+    """The name in a legend, which leaves out whatever begins with an underscore."""
+    return f"\u200b{model}" if model.startswith("_") else model
 
 
 def _colour(result: Result, model: str) -> str:

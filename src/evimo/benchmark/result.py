@@ -6,7 +6,7 @@ from functools import cached_property
 from itertools import groupby
 
 from evimo.benchmark import cases
-from evimo.benchmark.scenes import SCENES
+from evimo.benchmark.scenes import PLANAR, SCENES
 from evimo.benchmark.scoring import TRIVIAL
 from evimo.benchmark.tables import ResultTable, tables_of, total
 from evimo.benchmark.tally import Tally
@@ -66,7 +66,7 @@ class Result:
     def total(self, rival: str) -> Tally:
         """Everything of one model, but for what has no objects to find by design: planar recordings."""
         scenes = self.by_scene[rival]
-        return total(tally for scene, tally in scenes.items() if scene != "planar" or len(scenes) == 1)
+        return total(tally for scene, tally in scenes.items() if scene != PLANAR or len(scenes) == 1)
 
     def of_sequence(self, rival: str, sequence: cases.Sequence) -> Mapping[str, float | None]:
         """All numbers of one model on one sequence."""
@@ -117,5 +117,7 @@ def _seeds(group: Sequence[cases.Sequence]) -> str:
     seeds = sorted(seed for sequence in group if isinstance(seed := sequence.recording.meta.get("seed"), int))
     if len(seeds) < len(group):
         return ""
+    if len(seeds) == 1:
+        return f", seed {seeds[0]}"
     whole = seeds[-1] - seeds[0] + 1 == len(seeds)
     return f", seeds {seeds[0]} to {seeds[-1]}" if whole else f", seeds {', '.join(map(str, seeds))}"

@@ -7,6 +7,7 @@ from typing import Any
 
 from evimo.evaluation.kinds import groups_of
 
+PLANAR = "planar"
 BACKGROUND = "background "
 """How the group of a recording's background begins."""
 
@@ -27,11 +28,13 @@ SCENES = {
         SceneKind("wall", "plain wall", "plain wall"),
         SceneKind("fast", "fast motion", "fast motion"),
         SceneKind("box", "boxes", "cube background"),
-        SceneKind("planar", "plain wall alone, no objects, no roll or pitch", "plain wall"),
+        SceneKind(PLANAR, "plain wall alone, no objects, no roll or pitch", "plain wall"),
     )
 }
-ALL = "all recordings"
+ALL, ELSE = "all recordings", "other recordings"
+"""Blocks of tables: of recordings without a background of the paper's, alone and beside such."""
 OTHER = "other"
+"""The background of a recording that has none of these."""
 
 
 def background_of(path: Path, meta: Mapping[str, Any], *, below: Path) -> str:

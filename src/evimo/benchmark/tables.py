@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from evimo.benchmark.paper import CLASSIC, DEPTH, MOTION, PaperTable
-from evimo.benchmark.scenes import ALL, SCENES
+from evimo.benchmark.scenes import ALL, ELSE, OTHER, PLANAR, SCENES
 from evimo.benchmark.tally import Tally
 from evimo.evaluation import baselines, ceilings
 from evimo.evaluation.column import Column
@@ -22,6 +22,7 @@ class Layout:
 
     key: of files and anchors. scenes: those of the paper, in its order. columns: names of scores.
     trivial: rows of answers and ceilings that stand beside the models. paper: what the paper says.
+    others: whether recordings of no scene of the paper's have a block, too.
     """
 
     key: str
@@ -31,6 +32,7 @@ class Layout:
     columns: tuple[str, ...]
     trivial: tuple[str, ...]
     paper: PaperTable
+    others: bool = True
 
 
 LAYOUTS = (
@@ -48,10 +50,11 @@ LAYOUTS = (
         "III",
         "Against four-parameter motion compensation",
         "Recordings that suit the classical method: one plane, no objects, no roll or pitch.",
-        ("planar",),
+        (PLANAR,),
         ("camera_aee", "camera_aee_depth", "camera_rre", "direction"),
         (baselines.ZERO_TWIST,),
         CLASSIC,
+        others=False,
     ),
     Layout(
         "IV",
@@ -84,9 +87,9 @@ class Block:
     rows: tuple[Row, ...]
 
     def best(self, column: Column) -> set[str]:
-        """The models with the best value of that column, if that is better than what every trivial answer has."""
+        """The models with the best printed value of that column, if that beats what every trivial answer has."""
         sign = 1 if column.better == "higher" else -1
-        values = {row.name: sign * value for row in self.rows if (value := value_of(row, column)) is not None}
+        values = {row.name: sign * value for row in self.rows if (value := printed(row, column)) is not None}
         kinds = {row.name: row.kind for row in self.rows}
         models = [value for name, value in values.items() if kinds[name] == "model"]
         trivial = [value for name, value in values.items() if kinds[name] == "trivial"]
@@ -101,11 +104,18 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class ResultTable:
-    """One table of our own numbers."""
+    """One table of our own numbers. left_out: titles of scenes that there are, and that the paper's table has not."""
 
     layout: Layout
     columns: tuple[Column, ...]
     blocks: tuple[Block, ...]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def about(self) -> str:
+        """What the table shows, and what it does not."""
+        without = f" As in the paper, without recordings of: {', '.join(self.left_out)}." if self.left_out else ""
+        return self.layout.about + without
 
 
 def value_of(row: Row, column: Column) -> float | None:
@@ -114,41 +124,52 @@ def value_of(row: Row, column: Column) -> float | None:
     return score.value if score else None
 
 
+def printed(row: Row, column: Column) -> float | None:
+    """The same to as many digits as are printed: what looks equal is equal."""
+    value = value_of(row, column)
+    return None if value is None else round(value, column.digits)
+
+
 def tables_of(kept: Kept, *, models: Sequence[str], trivial: str) -> list[ResultTable]:
-    """The paper's tables, of the scenes that there are; where none is the paper's, all recordings together are one."""
+    """The paper's tables, of the scenes that there are; other recordings are together in a block of their own."""
     here = {scene for tallies in kept.values() for scene in tallies}
     tables: list[ResultTable] = []
     for layout in LAYOUTS:
-        scenes = [scene for scene in layout.scenes if scene in here]
-        if not scenes and here.isdisjoint(SCENES):
-            scenes = [ALL]
+        blocks: list[Block] = []
+        scenes = _scenes(layout, here)
+        for scene, members in scenes.items():
+            tallies = {name: total(each[k] for k in members if k in each) for name, each in kept.items()}
+            title = SCENES[scene].title if scene in SCENES else scene
+            blocks.append(Block(scene, title, tuple(_rows(layout, tallies, models, trivial))))
         columns = tuple(BY_NAME[name] for name in layout.columns)
-        blocks = [
-            Block(
-                scene,
-                SCENES[scene].title if scene in SCENES else scene,
-                tuple(_rows(layout, kept, scene, models, trivial)),
-            )
-            for scene in scenes
-        ]
-        tables.append(ResultTable(layout, columns, tuple(block for block in blocks if block.rows)))
+        shown = {PLANAR, *(scene for members in scenes.values() for scene in members)}
+        left_out = tuple(SCENES[scene].title for scene in SCENES if layout.others and scene in here - shown)
+        tables.append(ResultTable(layout, columns, tuple(block for block in blocks if block.rows), left_out))
     return [table for table in tables if table.blocks]
 
 
-def _rows(layout: Layout, kept: Kept, scene: str, models: Sequence[str], trivial: str) -> Iterator[Row]:
+def _scenes(layout: Layout, here: set[str]) -> dict[str, list[str]]:
+    """The blocks of a table by name, each with the scenes in it.
+
+    What is not the paper's has a block where nothing else would tell of it: of backgrounds that nobody knows, or where
+    there is no other block.
+    """
+    blocks = {scene: [scene] for scene in layout.scenes if scene in here}
+    left = sorted(here - {*layout.scenes, PLANAR})
+    if layout.others and left and (OTHER in left or not blocks):
+        blocks[ELSE if blocks else ALL] = left
+    return blocks
+
+
+def _rows(layout: Layout, tallies: Mapping[str, Tally], models: Sequence[str], trivial: str) -> Iterator[Row]:
     for model in models:
-        rows = of_scene(kept[model], scene).rows
+        rows = tallies[model].rows
         if any(name in rows.get(MODEL, {}) for name in layout.columns):
             yield Row(model, "model", rows[MODEL])
-    rows = of_scene(kept[trivial], scene).rows
+    rows = tallies[trivial].rows
     for name in layout.trivial:
         if any(column in rows.get(name, {}) for column in layout.columns):
             yield Row(name, "ceiling" if name in ceilings.ROWS else "trivial", rows[name])
-
-
-def of_scene(tallies: Mapping[str, Tally], scene: str) -> Tally:
-    """What is kept of one scene, or of all of them."""
-    return total(tallies.values()) if scene == ALL else tallies.get(scene, Tally())
 
 
 def total(tallies: Iterable[Tally]) -> Tally:

@@ -18,7 +18,10 @@ SIMULATED = (
     "{which} these numbers are measured on simulated recordings. They are not comparable with numbers that others have"
     " measured on the real EV-IMO, which stand under headings of their own."
 )
-BEST = "Bold is the best model, where it is better than every trivial answer."
+BEST = (
+    "Bold is the best model, where it is better than every trivial answer. A dash: it does not say this, or there was"
+    " nothing to score."
+)
 
 
 def notice(result: Result) -> str:
@@ -33,7 +36,7 @@ def as_markdown(result: Result) -> str:
     lines = [f"# {result.title}", ""]
     lines += [notice(result), ""] if result.simulated else []
     for table in result.tables:
-        lines += [f"## Table {table.layout.key}. {table.layout.title}", "", f"{table.layout.about} {BEST}", ""]
+        lines += [f"## Table {table.layout.key}. {table.layout.title}", "", f"{table.about} {BEST}", ""]
         lines += _our_table(table)
         lines += [
             "",

@@ -1,6 +1,7 @@
 """`evimo train`: train a model on recordings, or on scenes that are simulated meanwhile."""
 
 import os
+import warnings
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from evimo.cli.progress import Advance, progress
-from evimo.errors import BadInput, check_installed
+from evimo.errors import BadInput, EvimoWarning, check_installed
 from evimo.recordings.finding import recordings_in
 from evimo.writing import make_folder
 
@@ -53,7 +54,7 @@ def train(
             `evimo simulate` or `evimo convert` makes.
         simulate: populations of scenes, `replica,stress` or one of them, with equal shares; they are drawn and filmed
             while the model learns, and never stored. Recordings in folders are then one more population.
-        validate: folders of recordings to score the model on now and then.
+        validate: folders of recordings to score the model on now and then; best none that it learns from.
         validate_every: steps between scores.
         split: only recordings of the training part of a published split, such as `paper2019` or `evimo2-imo`.
         preset: a shape to start afresh, `base`, `small`, `tiny` or `ecn`, or a .safetensors file to train further.
@@ -85,10 +86,22 @@ def train(
     check_installed("training", "torch", "tensorboard", "scipy", "skimage", extra="train")
     from evimo.training.start import Workplace
 
-    workers = workers or max(1, (os.cpu_count() or 2) - 1)
+    workers = max(1, (os.cpu_count() or 2) - 1) if workers is None else workers
     workplace = Workplace(out=out, device=device, workers=workers, threads=threads)
     recordings = recordings_in(data, split=split, part="train") if data else []
+    _warn_of_recordings_in_both(recordings, recordings_in(validate) if validate else [])
     _train(recordings, (preset, grow), config, workplace, validation=(list(validate), validate_every))
+
+
+def _warn_of_recordings_in_both(learned: list[Path], validated: list[Path]) -> None:
+    """Say that scores mean little where a recording is learned from, too."""
+    known = {path.resolve() for path in learned}
+    if both := [path for path in validated if path.resolve() in known]:
+        problem = (
+            f"{both[0]} is learned from and validated on: scores say nothing of new recordings"
+            f" ({len(both)} of {len(validated)} to validate on)"
+        )
+        warnings.warn(EvimoWarning(problem), stacklevel=2)
 
 
 def _train(

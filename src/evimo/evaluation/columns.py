@@ -138,8 +138,8 @@ CONVENTIONS: tuple[str, ...] = (
     "One estimate per 25 ms slice, scored in sensor pixels against the truth at its centre (at most 1 ms away).",
     "Scored are the pixels that the lens maps into the rectified image, the same for every row; no dilation.",
     "A mask is the moving probability above 0.5. Moving in truth: an object faster than"
-    f" {100 * MOVING_MPS:g} cm/s or {MOVING_DEGPS} °/s relative to the static world at that instant; resting objects"
-    " are background.",
+    f" {100 * MOVING_MPS:g} cm/s or {MOVING_DEGPS} °/s relative to the static world at that instant,"
+    " on tracked paths until it is slower than half of both; resting objects are background.",
     "Frames in which nothing moves in sight are left out of IoU; they count in pooled and event IoU and alone make up"
     " the false alarms.",
     "Residual motion of a mover: median over its pixels of how far their true flow differs from that of a static point"

@@ -3,7 +3,7 @@
 None of these numbers is an accuracy. A model that is right does well in all of them; one that does well may be wrong.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -92,23 +92,26 @@ class Agreement:
     rotations: list[F8] = field(default_factory=list[F8])
     _before: NDArray[np.bool_] | None = None
 
-    def add(self, estimate: Estimate, events: Events) -> None:
-        """Take the next slice; one without events says nothing, and interrupts the comparison of masks."""
+    def add(self, estimate: Estimate, events: Events, *, gain: float | None) -> None:
+        """Take the next slice; one without events says nothing, and interrupts the comparison of masks.
+
+        gain: the slice's `gain`; None where it does not count.
+        """
         if not estimate.has_events:
             self._before = None
             return
         self.times_us.append(estimate.t_us)
         self.rotations.append(estimate.ego[3:])
-        parts = [self._gain(estimate, events), self._consistency(estimate), self._called(estimate, events)]
-        self.scores = added([self.scores, *parts])
+        sharper = {} if gain is None else {"warp_gain": Score(gain, 1)}
+        self.scores = added([self.scores, sharper, self._consistency(estimate), self._called(estimate, events)])
 
-    def _gain(self, estimate: Estimate, events: Events) -> Scores:
+    def gain(self, estimate: Estimate, events: Events) -> float | None:
+        """The `warp_gain` of a slice's estimate; None where it has too few events."""
         image, where = self.rectification.image, estimate.valid[events.y, events.x]
         y, x = events.y[where], events.x[where]
         at = np.stack((self.rectification.x[y, x], self.rectification.y[y, x]), axis=1).astype(np.float64)
         flow_px = estimate.flow[:, y, x].T.astype(np.float64) * (image.fx, image.fy)
-        gain = warp_gain(at, flow_px, 1e-6 * (events.t[where] - estimate.t_us).astype(np.float64), image.size)
-        return {} if gain is None else {"warp_gain": Score(gain, 1)}
+        return warp_gain(at, flow_px, 1e-6 * (events.t[where] - estimate.t_us).astype(np.float64), image.size)
 
     def _consistency(self, estimate: Estimate) -> Scores:
         image, dt_s = self.rectification.image, (estimate.stop_us - estimate.start_us) * 1e-6
@@ -133,6 +136,14 @@ class Agreement:
         return {"called_moving": Score(int(np.count_nonzero(moving)), int(np.count_nonzero(valid)))}
 
 
+def add_slice(agreements: Sequence[Agreement], estimates: Sequence[Estimate], events: Events) -> None:
+    """Take the next slice of several models: gains are compared on slices alone where each of them has one."""
+    gains = [each.gain(estimate, events) for each, estimate in zip(agreements, estimates, strict=True)]
+    shared = None not in gains
+    for each, estimate, gain in zip(agreements, estimates, gains, strict=True):
+        each.add(estimate, events, gain=gain if shared else None)
+
+
 def _pooled(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> Score:
     both, either = overlap(first, second)
     return Score(both, either)
@@ -148,7 +159,7 @@ def rotation_scores(rotations: F8, measured: F8, *, dt_s: float) -> Scores:
     }
 
 
-def without_flow(gains: Iterable[Score]) -> Scores:
-    """The row of zero flow beside others: its gain is 1 by definition, over as many slices as theirs."""
-    samples = max((gain.samples for gain in gains), default=0)
+def without_flow(beside: Scores) -> Scores:
+    """The row of zero flow beside another: its gain is 1 by definition, over as many slices."""
+    samples = beside["warp_gain"].samples if "warp_gain" in beside else 0
     return {"warp_gain": Score(samples, samples, samples)} if samples else {}

@@ -1,6 +1,7 @@
 """Which samples of a body's pose can be believed, and which follow from each other without a gap or a jump."""
 
 import math
+from bisect import bisect_left
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,12 @@ NOT_RIGID = 1e-3  # of a rotation's columns against unit length and right angles
 
 
 def checked_samples(times_us: I8, poses: F8) -> NDArray[np.bool_]:
-    """Which samples (N,) are rigid motions, later than all before them, and do not jump there and back."""
+    """Which samples (N,) are rigid motions, in order of time, and do not jump there and back.
+
+    Of those out of order as few as possible are bad: one lone stamp, be it early or late, is alone in being so.
+    """
     good = _rigid(poses)
-    latest = np.maximum.accumulate(np.where(good, times_us, np.iinfo(np.int64).min))
-    good[1:] &= times_us[1:] > latest[:-1]
+    good[good] = _rising(times_us[good])
     while True:
         kept = np.flatnonzero(good)
         jumps = _jumps(times_us[kept], poses[kept])
@@ -36,6 +39,31 @@ def pieces_of(times_us: I8, poses: F8, bridged_us: int) -> I8:
     """The number of the piece that each sample belongs to; a long gap or a jump begins a new one."""
     broken = (np.diff(times_us) > bridged_us) | _jumps(times_us, poses)
     return np.cumsum(np.append(0, broken))[: len(times_us)].astype(np.int64)
+
+
+def _rising(times_us: I8) -> NDArray[np.bool_]:
+    """The most of some times (N,) that rise from each to the next; of equal ones the first."""
+    kept = np.ones(len(times_us), np.bool_)
+    if (np.diff(times_us) > 0).all():
+        return kept
+    # By length of a rising choice, the earliest time that one ends with, and where; and what comes before each time.
+    ends: list[int] = []
+    places: list[int] = []
+    before: list[int] = []
+    for place, time_us in enumerate(times_us.tolist()):
+        at = bisect_left(ends, time_us)
+        before.append(places[at - 1] if at else -1)
+        if at == len(ends):
+            ends.append(time_us)
+            places.append(place)
+        elif time_us < ends[at]:
+            ends[at], places[at] = time_us, place
+    kept[:] = False
+    place = places[-1]
+    while place >= 0:
+        kept[place] = True
+        place = before[place]
+    return kept
 
 
 def _rigid(poses: F8) -> NDArray[np.bool_]:

@@ -16,10 +16,14 @@ def widened(model: Model, config: Config) -> MotionNet:
     """A model of another shape with the same answers: its further channels are random, and not listened to yet.
 
     Raises:
-        BadInput: the shape has fewer channels somewhere, or another depth; or one of both is no model that looks twice.
+        BadInput: the shape has fewer channels somewhere, another depth or number of objects; or one of both is no model
+            that looks twice.
     """
     if not isinstance(model, MotionNet) or not isinstance(config, ModelConfig):
         raise BadInput("ecn is not grown, nor grown from", fix="base from small, or small from tiny")
+    if model.config.objects != config.objects:
+        problem = f"a model of {model.config.objects} objects cannot be widened to one of {config.objects}"
+        raise BadInput(problem, fix="a shape with the same number of objects")
     wide = MotionNet(config)
     with torch.no_grad():
         for source, target in zip(_networks(model), _networks(wide), strict=True):

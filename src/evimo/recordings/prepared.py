@@ -14,7 +14,7 @@ from evimo.events.slices import SLICE_US, Slice, in_slices
 from evimo.geometry.camera import Camera
 from evimo.geometry.rectification import Rectification, rectified
 from evimo.recordings.flow import true_flow
-from evimo.recordings.recording import Recording, open_recording
+from evimo.recordings.recording import PREPARED, Recording, open_recording
 from evimo.recordings.truth import Truth
 from evimo.writing import new_folder, remove_leftovers
 
@@ -74,7 +74,7 @@ def prepare(path: Path) -> Path:
     Raises:
         BadFile: the recording is damaged, or has no truth. BadInput: its folder cannot be written, or the disk is full.
     """
-    name = f"prepared_v{FORMAT}"
+    name = f"{PREPARED}{FORMAT}"
     target = path / name if path.is_dir() else path.with_name(f"{path.name}.{name}")
     remove_leftovers(target.parent)
     if target.exists():

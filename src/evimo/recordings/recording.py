@@ -1,5 +1,7 @@
 """A recording with truth: events, camera, and what really happened at the centre of each slice."""
 
+import hashlib
+import json
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
@@ -22,11 +24,14 @@ from evimo.recordings.paths import Paths, paths_of
 from evimo.recordings.splits import place_of
 from evimo.recordings.stored_parts import Arrays, StoredParts, own_parts
 from evimo.recordings.truth import ObjectTruth, Truth
+from evimo.writing import shown
 
 MOTIONS = ("times_us", "ego", "object_ids", "positions", "velocities", "rotations")
 TRAJECTORY = ("trajectory_us", "trajectory_world_from_cam", "trajectory_cam_from_object")
 SAME_US = 1_000  # truth that is as near as this is the truth of an instant
 TRAJECTORY_IDS = "trajectory_object_ids"
+PREPARED = "prepared_v"
+"""How the folder begins that `prepare` adds to a recording, and that changes nothing about it."""
 REACH_US = 15_000  # from which truth is carried to another instant: more than half a period of 40 Hz with its jitter
 
 
@@ -59,6 +64,20 @@ class Recording:
     def events(self) -> EventFile:
         """The events: packets in constant memory."""
         return self._parts.events()
+
+    @cached_property
+    def mark(self) -> str:
+        """What tells this recording from others, and from itself once one of its files has changed.
+
+        A hash of what it says of itself and of the names, sizes and times of change of its files: nothing is read. A
+        copy that was given times of its own counts as another recording.
+        """
+        root = self.path
+        found = root.rglob("*") if root.is_dir() else [root]
+        own = {each.relative_to(root): each.stat() for each in shown(found, below=root) if each.is_file()}
+        kept = {name: each for name, each in own.items() if not any(part.startswith(PREPARED) for part in name.parts)}
+        files = sorted((name.as_posix(), each.st_size, each.st_mtime_ns) for name, each in kept.items())
+        return hashlib.sha256(json.dumps([self.meta, files], sort_keys=True).encode()).hexdigest()
 
     def event_count(self) -> int:
         """How many events are stored, those that reading leaves out included."""

@@ -1,7 +1,6 @@
 """A model scored on recordings that know the truth, beside the trivial answers."""
 
 import hashlib
-import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -69,19 +68,17 @@ def evaluate(
         "evimo": own_version(),
     }
     kept = [_kept_at(Path(out), recording) if out else None for recording in opened]
-    told = [settings | {"recording": _mark(recording)} for recording in opened]
+    told = [settings | {"recording": recording.mark} for recording in opened]
     reports = [_scored_before(path, each) for path, each in zip(kept, told, strict=True)]
     total = Report()
     with progress(sum(len(each) for each, report in zip(opened, reports, strict=True) if report is None)) as tick:
-        for recording, path, report, facts in zip(opened, kept, reports, told, strict=True):
+        for known, path, report, facts in zip(opened, kept, reports, told, strict=True):
             if report is None:
+                recording = open_recording(known.path)  # anew: what it maps is given back when it is done
                 estimates = run(recording.events, model=model, camera=recording.camera, imu=imu)
-                scored = score_recording(
-                    recording,
-                    _ticked(labelled_estimates(recording, estimates), tick),
-                    density_threshold=density_threshold,
-                    groups=groups_of(recording.meta),
-                )
+                slices = _ticked(labelled_estimates(recording, estimates), tick)
+                groups = groups_of(recording.meta)
+                scored = score_recording(recording, slices, density_threshold=density_threshold, groups=groups)
                 report = replace(scored, settings=facts)
                 if path is not None:
                     report.save(path)
@@ -93,12 +90,6 @@ def _kept_at(out: Path, recording: Recording) -> Path:
     """Where the recording's own report is kept; the mark tells apart folders of the same name in different places."""
     mark = hashlib.sha256(str(recording.path.resolve()).encode()).hexdigest()[:8]
     return out / "recordings" / f"{recording.path.name}-{mark}.json"
-
-
-def _mark(recording: Recording) -> str:
-    """What tells a recording from another one that was at its place before: of other seeds, or annotated anew."""
-    made = [recording.meta, recording.event_count(), len(recording)]
-    return hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest()
 
 
 def _ticked(slices: Iterable[Scored], tick: Tick) -> Iterator[Scored]:

@@ -1,6 +1,6 @@
 """A model checked on recordings of which nobody knows the truth, beside the classical fit and no motion at all."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from evimo.errors import BadInput
 from evimo.evaluation import baselines
 from evimo.evaluation.ratios import Scores
 from evimo.evaluation.report import MODEL, Report
-from evimo.evaluation.without_truth import Agreement, rotation_scores, without_flow
+from evimo.evaluation.without_truth import Agreement, add_slice, rotation_scores, without_flow
 from evimo.events.slices import SLICE_US
 from evimo.formats.event_file import EventFile
 from evimo.geometry.camera import Camera
@@ -32,7 +32,8 @@ def evaluate_without_truth(
 ) -> Report:
     """Check a model on recordings without truth: what its estimates agree with (docs/metrics.md, "Without truth").
 
-    The gyroscope, where there is one, is kept for the check: estimates are made from events alone.
+    The gyroscope, where there is one, is kept for the check: estimates are made from events alone. All rows are of the
+    same slices, and of one alignment of the gyroscope, that to the checked model.
 
     Args:
         recordings: from `open_events`.
@@ -54,12 +55,8 @@ def evaluate_without_truth(
     total, facts = Report(), dict[str, str | float]()
     with progress(sum(len(run.span) for each in runs for run in each.values())) as tick:
         for events, each in zip(recordings, runs, strict=True):
-            rows: dict[str, Scores] = {}
-            for row, run in each.items():
-                rows[row], said = _checked(run, tick)
-                facts[f"gyroscope of {events.path.name}, by {row}"] = said
-            gains = [scores["warp_gain"] for scores in rows.values() if "warp_gain" in scores]
-            rows[baselines.ZERO_FLOW] = without_flow(gains)
+            rows, facts[f"gyroscope of {events.path.name}"] = _checked(each, tick)
+            rows[baselines.ZERO_FLOW] = without_flow(rows[MODEL])
             counts = {"recordings": 1, "slices": len(each[MODEL].span)}
             total = total + Report(rows=rows, groups={events.path.name: rows[MODEL]}, counts=counts)
     settings: dict[str, str | float] = {"model": str(model)}
@@ -67,18 +64,22 @@ def evaluate_without_truth(
     return replace(total, title="recordings without truth", settings=settings | facts | {"evimo": own_version()})
 
 
-def _checked(run: Run, tick: Tick) -> tuple[Scores, str]:
-    """What one model's estimates of one recording agree with, and what was found of its gyroscope."""
-    agreement = Agreement(run.rectification)
-    for estimate, events in run.slices():
-        agreement.add(estimate, events)
-        tick()
-    times_us = np.array(agreement.times_us, np.int64)
-    rotations = np.array(agreement.rotations, np.float64).reshape(-1, 3)
-    rotation = rotation_of(run.events, lambda: (agreement.times_us, rotations))
+def _checked(runs: Mapping[str, Run], tick: Tick) -> tuple[dict[str, Scores], str]:
+    """What each model's estimates of one recording agree with, slice by slice, and what was found of its gyroscope."""
+    agreements = {row: Agreement(run.rectification) for row, run in runs.items()}
+    for found in zip(*(run.slices() for run in runs.values()), strict=True):
+        add_slice(list(agreements.values()), [estimate for estimate, _ in found], found[0][1])
+        for _ in found:
+            tick()
+    times_us = np.array(agreements[MODEL].times_us, np.int64)
+    rotations = {row: np.array(each.rotations, np.float64).reshape(-1, 3) for row, each in agreements.items()}
+    rotation = rotation_of(runs[MODEL].events, lambda: (agreements[MODEL].times_us, rotations[MODEL]))
+    rows = {row: each.scores for row, each in agreements.items()}
     if rotation.gyroscope is None or not len(times_us):
-        return agreement.scores, rotation.said
+        return rows, rotation.said
     half = SLICE_US // 2
     measured, known = rotation.gyroscope.mean_rates(times_us - half, times_us + half)
-    scores = rotation_scores(rotations[known], measured[known], dt_s=SLICE_US * 1e-6) if known.any() else {}
-    return agreement.scores | scores, rotation.said
+    if known.any():
+        for row, said in rotations.items():
+            rows[row] |= rotation_scores(said[known], measured[known], dt_s=SLICE_US * 1e-6)
+    return rows, rotation.said

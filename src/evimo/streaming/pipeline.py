@@ -64,7 +64,8 @@ def run(
         sensor: (height, width) in px, where the recording does not tell; of events in memory the camera's is known.
         start_s: seconds after the first event. Start and stop select slices, they never move them: slice k is
             [k·25 ms, (k + 1)·25 ms) of the recording's own clock, and its estimate is the same in any span (the ids
-            of objects count from the first slice of the span).
+            of objects count from the first slice of the span, and the axes of a gyroscope that does not know its
+            camera's are found in the first four seconds of it).
         stop_s: seconds after the first event; None is the end.
         event_labels: give each estimate `event_labels`, and objects whose flow and velocity their events sharpened.
         imu: `auto` takes the camera's rotation from the recording's gyroscope where there is one; `off` does not.

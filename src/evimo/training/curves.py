@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.tensorboard.writer import SummaryWriter
 
+from evimo.errors import BadInput
 from evimo.events.stack import SLICES
 from evimo.losses.depth import mean_over
 from evimo.model.networks import Model
@@ -27,8 +28,14 @@ class Curves:
     """Loss terms of every step, and the scores of the averaged model on fixed recordings now and then."""
 
     def __init__(self, recordings: Sequence[Prepared], writer: SummaryWriter, losses: Log, scores: Log) -> None:
-        """recordings: to validate on; those shorter than a stack are left out. losses, scores: where numbers go."""
+        """recordings: to validate on; those shorter than a stack are left out. losses, scores: where numbers go.
+
+        Raises:
+            BadInput: none is left.
+        """
         self.recordings = [each for each in recordings if len(each) >= SLICES and len(each.event_t)]
+        if recordings and not self.recordings:
+            raise BadInput(f"no recording to validate on has events and {SLICES} slices", fix="longer ones")
         self._writer, self._losses, self._scores = writer, losses, scores
 
     def learned(self, step: int, terms: dict[str, float]) -> None:
@@ -76,7 +83,7 @@ def open_curves(out: Path, recordings: Sequence[Prepared], *, step: int) -> Gene
     """The curves of the run in a folder, which go on after a step.
 
     Raises:
-        BadInput: they cannot be written, or the disk is full.
+        BadInput: they cannot be written, or the disk is full; or no recording can be scored.
     """
     with explained(out / "tensorboard"), _said_once():
         writer = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)

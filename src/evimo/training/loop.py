@@ -34,8 +34,10 @@ class Trainer:
     Every sample depends on the seed, its step and its place in the batch alone, whatever process draws it.
     """
 
-    def __init__(self, model: Model, config: TrainConfig, source: Source, out: Path, *, team: Team = ALONE) -> None:
-        """See the class.
+    def __init__(
+        self, model: Model, config: TrainConfig, source: Source, out: Path, *, team: Team = ALONE, data: str = ""
+    ) -> None:
+        """See the class; `data` tells the recordings of the source from others (`Samples.fingerprint`).
 
         Raises:
             BadInput: no such recipe, or one for other networks; or more processes than samples in a batch.
@@ -51,6 +53,12 @@ class Trainer:
             raise BadInput(f"{team.size} processes for batches of {config.batch}", fix="a larger --batch")
         self.learner = Learner(model, config, team)
         self.config, self.out, self.source, self.team = config, out, source, team
+        self._run = {
+            "training": asdict(config),
+            "config": asdict(model.config),
+            "weights": asdict(RECIPES[config.recipe]),
+            "data": {"recordings": data},
+        }
         self.step = 0
         self.pace = Pace(config.batch)
 
@@ -124,23 +132,25 @@ class Trainer:
         if self.team.rank:
             return
         facts = {"training": asdict(self.config), "step": self.step, "samples": self.samples_seen}
-        save_tensors(self.learner.state(), self.out / STATE, **facts, config=asdict(self.learner.model.config))
+        save_tensors(self.learner.state(), self.out / STATE, **facts | self._run)
         save_model(self.averaged(), self.out / MODEL, **facts)
 
     def resume(self) -> bool:
         """Go on from the folder's last checkpoint, if there is one.
 
         Raises:
-            BadInput: it is of another run: the configuration differs.
+            BadInput: it is of another run: configuration, weights of the losses or recordings differ.
         """
         path = self.out / STATE
         if not path.exists():
             return False
         tensors, facts = load_tensors(path)
-        ours = json.loads(json.dumps({"training": asdict(self.config), "config": asdict(self.learner.model.config)}))
-        if changed := [name for part in ours for name in ours[part] if ours[part][name] != facts[part].get(name)]:
+        ours = json.loads(json.dumps(self._run))
+        told = {part: facts.get(part, {}) for part in ours}
+        if changed := [name for part in ours for name in ours[part] if ours[part][name] != told[part].get(name)]:
             raise BadInput(
-                f"{self.out} holds a run with another {', '.join(changed)}", fix="the same options, or another --out"
+                f"{self.out} holds another run, which differs in {', '.join(changed)}",
+                fix=f"the same options; or, to train it further, --preset {self.out / MODEL} and another --out",
             )
         self.learner.restore(tensors)
         self.step = int(facts["step"])

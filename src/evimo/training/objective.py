@@ -65,26 +65,40 @@ def directions(velocity: Tensor, count: int) -> Tensor:
     return share / share.sum(1, keepdim=True)
 
 
-def terms(prediction: Prediction, batch: Batch, mean_depth: Tensor, recipe: Recipe) -> dict[str, Tensor]:
+def unit_m(prediction: Prediction | FirstAnswer, batch: Batch) -> Tensor:
+    """Metres that a relative depth of 1 means in an answer, (B, 1, 1, 1): the ratio of both means where depth is known.
+
+    An answer's depths have a mean of 1 over all that the lens sees. Datasets know the depth of objects alone, which are
+    nearer than the rest: their mean alone would be another unit.
+
+    Args:
+        prediction: of the batch's size.
+        batch: brought to that size.
+    """
+    known = _known(batch)
+    return mean_over(batch.depth, known) / mean_over(prediction.rel_depth.detach(), known)
+
+
+def terms(prediction: Prediction, batch: Batch, unit: Tensor, recipe: Recipe) -> dict[str, Tensor]:
     """Per-pixel losses of one scale of the answer, (B, 1, h, w) each, of the terms the recipe names.
 
     Args:
         prediction: of this scale.
         batch: brought to this scale by `at_scale`.
-        mean_depth: of the truth, (B, 1, 1, 1), m.
+        unit: of the answer's depths and translations, (B, 1, 1, 1), m, see `unit_m`.
         recipe: which terms.
     """
     named: dict[str, Callable[[], Tensor]] = {
         "seen": lambda: _flow_error(prediction.seen, prediction, batch, besides=prediction.taken),
         "flow": lambda: _flow_error(prediction.flow, prediction, batch, besides=prediction.taken),
-        "twist": lambda: _twist(prediction, batch, mean_depth.flatten()),
-        "velocity": lambda: _velocity(prediction, batch, mean_depth),
+        "twist": lambda: _twist(prediction, batch, unit.flatten()),
+        "velocity": lambda: _velocity(prediction, batch, unit),
         "direction": lambda: _direction(prediction, batch),
         "mask_one_sided": lambda: one_sided_mask_loss(prediction.mixture[:, :1], batch.moving, mask_known(batch)),
         "mask": lambda: _mask(prediction, batch, recipe.moving_share),
         "dice": lambda: _spread(dice_loss(prediction.mixture[:, :1], batch.moving, mask_known(batch)), prediction),
         "mask_smoothness": lambda: mixture_smoothness(prediction.mixture),
-        "depth": lambda: depth_loss(prediction.rel_depth, batch.depth / mean_depth, _known(batch)),
+        "depth": lambda: depth_loss(prediction.rel_depth, batch.depth / unit, _known(batch)),
         "depth_smoothness": lambda: depth_smoothness(prediction.rel_depth),
         "coarse_warp": lambda: _coarse_warp(prediction.flow, prediction, batch),
         "fine_warp": lambda: _fine_warp(prediction.flow, prediction, batch),
@@ -92,16 +106,16 @@ def terms(prediction: Prediction, batch: Batch, mean_depth: Tensor, recipe: Reci
     return {name: named[name]() for name, weight in recipe.weights.items() if weight}
 
 
-def first_terms(answer: FirstAnswer, batch: Batch, mean_depth: Tensor, recipe: Recipe) -> dict[str, Tensor]:
+def first_terms(answer: FirstAnswer, batch: Batch, recipe: Recipe) -> dict[str, Tensor]:
     """Per-pixel losses of the first pass, (B, 1, h, w) each, of the terms the recipe names; as `terms`."""
     prediction = as_prediction(answer, batch.intrinsics)
     here = at_scale(batch, prediction)
-    still = here._replace(depth_valid=here.depth_valid & ~here.moving)
+    still, unit = here._replace(depth_valid=here.depth_valid & ~here.moving), unit_m(answer, here)
     named: dict[str, Callable[[], Tensor]] = {
         "seen": lambda: _flow_error(prediction.seen, prediction, here),
         "rigid": lambda: _flow_error(prediction.flow, prediction, still),
-        "twist": lambda: _twist(prediction, here, mean_depth.flatten()),
-        "depth": lambda: depth_loss(prediction.rel_depth, here.depth / mean_depth, _known(here)),
+        "twist": lambda: _twist(prediction, here, unit.flatten()),
+        "depth": lambda: depth_loss(prediction.rel_depth, here.depth / unit, _known(here)),
         "coarse_warp": lambda: _coarse_warp(prediction.flow, prediction, here),
         "fine_warp": lambda: _fine_warp(prediction.flow, prediction, here),
     }
@@ -141,15 +155,16 @@ def objective(model: Model, batch: Batch, recipe: Recipe) -> tuple[Tensor, dict[
     Every sample weighs the same and none depends on another: the loss of a batch is the mean of its samples' losses.
     Nothing here asks a GPU for a number, so that a CUDA graph can hold it.
     """
-    mean_depth = mean_over(batch.depth, batch.depth_valid)
     of_first: dict[str, Tensor] = {}
     if isinstance(model, Ecn):
         answers = looked_once(model, batch)
     else:
         first = model.first(batch.voxels, batch.fits, batch.candidates, batch.valid, batch.intrinsics, batch.rotation)
-        of_first = first_terms(first, batch, mean_depth, recipe)
+        of_first = first_terms(first, batch, recipe)
         answers = looked_again(model, batch, first)
-    per_scale = [terms(answer, at_scale(batch, answer), mean_depth, recipe) for answer in answers]
+    here = [at_scale(batch, answer) for answer in answers]
+    unit = unit_m(answers[-1], here[-1])
+    per_scale = [terms(answer, there, unit, recipe) for answer, there in zip(answers, here, strict=True)]
     joined = {f"first_{name}": weighted_total([value]) for name, value in of_first.items()}
     joined |= {name: weighted_total([scale[name] for scale in per_scale]) for name in per_scale[0]}
     weights = {f"first_{name}": recipe.first[name] for name in of_first}
@@ -199,10 +214,16 @@ def _spread(per_sample: Tensor, prediction: Prediction) -> Tensor:
     return per_sample.view(-1, 1, 1, 1).expand_as(prediction.rel_depth)
 
 
-def _twist(prediction: Prediction, batch: Batch, mean_depth: Tensor) -> Tensor:
-    """Error of the egomotion against 1 + its size: fast scenes are not all that counts."""
-    size = batch.ego[:, 3:].norm(dim=1) + batch.ego[:, :3].norm(dim=1) / mean_depth
-    return _spread(twist_loss(prediction.ego, batch.ego, mean_depth=mean_depth) / (1 + size), prediction)
+def _twist(prediction: Prediction, batch: Batch, unit: Tensor) -> Tensor:
+    """Error of the egomotion against 1 + its size: fast scenes are not all that counts.
+
+    Where no depth is known, nobody knows the unit of the translation, and only rotations are compared.
+    """
+    known = _known(batch).flatten(1).any(1, keepdim=True)
+    translation = torch.where(known, batch.ego[:, :3], (prediction.ego[:, :3] * unit[:, None]).detach())
+    truth = torch.cat((translation, batch.ego[:, 3:]), dim=1)
+    size = truth[:, 3:].norm(dim=1) + truth[:, :3].norm(dim=1) / unit
+    return _spread(twist_loss(prediction.ego, truth, mean_depth=unit) / (1 + size), prediction)
 
 
 def _over_movers(values: Tensor, batch: Batch) -> Tensor:
@@ -212,8 +233,8 @@ def _over_movers(values: Tensor, batch: Batch) -> Tensor:
     return torch.where(inside, values * pixels, 0)
 
 
-def _velocity(prediction: Prediction, batch: Batch, mean_depth: Tensor) -> Tensor:
-    truth = batch.velocity / mean_depth
+def _velocity(prediction: Prediction, batch: Batch, unit: Tensor) -> Tensor:
+    truth = batch.velocity / unit
     error = object_velocity_loss(prediction.object_velocity, truth, batch.moving & _known(batch))
     return _over_movers(error / (1 + truth.norm(dim=1, keepdim=True)), batch)
 

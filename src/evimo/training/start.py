@@ -43,6 +43,7 @@ class Workplace:
     threads: int | None = None
 
     def __post_init__(self) -> None:
+        Crew(workers=self.workers).check()
         if self.threads is not None and self.threads < 1:
             raise BadInput(f"{self.threads} threads", fix="1 or more")
 
@@ -85,7 +86,8 @@ def started(
         if not team.rank:
             team.wait()
         filmed = films.enter_context(_films(config, workplace)) if config.simulate else None
-        trainer = Trainer(model, config, joined(samples, filmed, len(config.simulate)), workplace.out, team=team)
+        source, told = joined(samples, filmed, len(config.simulate)), samples.fingerprint() if samples else ""
+        trainer = Trainer(model, config, source, workplace.out, team=team, data=told)
         trainer.resume()
         yield trainer
 
@@ -112,7 +114,6 @@ def check_data(data: list[Path], config: TrainConfig) -> None:
 
 def _films(config: TrainConfig, workplace: Workplace) -> AbstractContextManager[Source]:
     check_device(workplace.device)
-    Crew(workers=workplace.workers).check()
     plan = FilmPlan(
         populations=config.simulate,
         batch=config.batch,

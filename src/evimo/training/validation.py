@@ -15,7 +15,6 @@ from evimo.events.direct_alignment import aligned
 from evimo.events.local_motion import motion_candidates
 from evimo.events.stack import CELL, SLICES, StaticMotion, plane_fits, voxel_grid
 from evimo.geometry.rectification import halved_mask
-from evimo.losses.depth import mean_over
 from evimo.model.ecn import Ecn
 from evimo.model.first_pass import FirstAnswer
 from evimo.model.motion_net import SLICES_PER_S, MotionNet, Prediction
@@ -23,7 +22,7 @@ from evimo.model.networks import Model
 from evimo.recordings.prepared import Prepared
 from evimo.training.batches import Batch
 from evimo.training.data import DEPTH_STEP, HALF, stack_of, true_motion, whole_batch
-from evimo.training.objective import as_prediction, looked_again, mask_known
+from evimo.training.objective import as_prediction, looked_again, mask_known, unit_m
 
 FIRST_AND_LAST = HALF  # slices at either end that are not scored: their stacks are not whole
 
@@ -183,11 +182,11 @@ def _add_motion(sums: Sums, answer: Prediction, batch: Batch) -> None:
         static = ((answer.taken * focal_px - truth).norm(dim=1, keepdim=True) * still).sum()
         sums.rigid += float(static / still.sum().clamp(min=1))
         sums.flow_zero += float((truth.norm(dim=1, keepdim=True) * at).sum() / count)
-    scale = mean_over(batch.depth, batch.depth_valid).flatten()[:, None]
     sums.rotation += float((answer.ego[:, 3:] - batch.ego[:, 3:]).norm())
     sums.rotation_zero += float(batch.ego[:, 3:].norm())
-    sums.translation += float((answer.ego[:, :3] * scale - batch.ego[:, :3]).norm())
-    sums.translation_zero += float(batch.ego[:, :3].norm())
+    if batch.depth_valid.any():  # else nobody knows the unit of the translation
+        sums.translation += float((answer.ego[:, :3] * unit_m(answer, batch).flatten() - batch.ego[:, :3]).norm())
+        sums.translation_zero += float(batch.ego[:, :3].norm())
 
 
 def _add_depth(sums: Sums, answer: Prediction, batch: Batch) -> None:
