@@ -1,4 +1,4 @@
-"""Damaged files for every reader of recordings, every parser of calibrations and every reader of predictions.
+"""Damaged files for every reader of recordings and their truth, calibrations, captures and predictions.
 
     python bench/fuzz.py [--files 100000] [--seed 0] [--processes 2] [--shared ../shared/data] [--of WORD]
                          [--only INDEX --keep DIR]
@@ -17,104 +17,34 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import fuzz_predictions
+import fuzz_truth
 import numpy as np
+from fuzz_damage import changed, repacked
 from fuzz_seeds import RAN, SIZE, Kind, Seed, seeds
 from rich.progress import Progress
 
 from evimo.errors import EvimoError
 from evimo.formats import open_events
 from evimo.geometry.calibration import load_camera
-from evimo.recordings.layouts import knows_truth
-from evimo.recordings.recording import open_recording
 
 LONGEST_S = 10.0
 MOST_BYTES = 200_000_000
 MOST_EVENTS = 5_000_000  # of one file: more would be read for long, but not wrongly
-NUMBERS = (b"nan", b"inf", b"-1", b"1e400", b"99999999999999999999", b"0x7f", b"1_0", b"\xc2\xb2", b"", b"True")
-
-
-def bit_flipped(data: bytearray, rng: np.random.Generator) -> None:
-    """One bit."""
-    data[rng.integers(len(data))] ^= 1 << int(rng.integers(8))
-
-
-def byte_set(data: bytearray, rng: np.random.Generator) -> None:
-    """One byte, to anything or to an end of its range."""
-    data[rng.integers(len(data))] = int(rng.choice([0, 255, 127, 128, 10, 32, int(rng.integers(256))]))
-
-
-def word_set(data: bytearray, rng: np.random.Generator) -> None:
-    """Four or eight bytes, to what lengths and offsets should never be."""
-    width = int(rng.choice([4, 8]))
-    at = int(rng.integers(max(1, len(data) - width + 1)))
-    value = int(rng.choice([0, 1, 2 ** (8 * width - 1) - 1, 2**31 - 1, 2**32 - 1, 2**20], shuffle=False)) % 2 ** (
-        8 * width
-    )
-    data[at : at + width] = value.to_bytes(width, str(rng.choice(["little", "big"])))[: len(data) - at]  # type: ignore[arg-type]
-
-
-def cut(data: bytearray, rng: np.random.Generator) -> None:
-    """Everything behind some place."""
-    del data[int(rng.integers(len(data))) :]
-
-
-def removed(data: bytearray, rng: np.random.Generator) -> None:
-    """A stretch of bytes."""
-    at = int(rng.integers(len(data)))
-    del data[at : at + int(rng.integers(1, 65))]
-
-
-def repeated(data: bytearray, rng: np.random.Generator) -> None:
-    """A stretch, once more at another place."""
-    at, to = (int(rng.integers(len(data))) for _ in range(2))
-    data[to:to] = data[at : at + int(rng.integers(1, 4097))]
-
-
-def noise(data: bytearray, rng: np.random.Generator) -> None:
-    """A stretch, overwritten by anything."""
-    at = int(rng.integers(len(data)))
-    length = min(int(rng.integers(1, 257)), len(data) - at)
-    data[at : at + length] = rng.bytes(length)
-
-
-def word_replaced(data: bytearray, rng: np.random.Generator) -> None:
-    """What stands between two separators of a text, by a number that is none or too large."""
-    at = int(rng.integers(len(data)))
-    ends = [place for mark in b" ,;:\n[]" if (place := data.find(mark, at)) >= 0]
-    data[at : min(ends, default=len(data))] = NUMBERS[int(rng.integers(len(NUMBERS)))]
-
-
-MUTATIONS: tuple[Callable[[bytearray, np.random.Generator], None], ...] = (
-    bit_flipped,
-    byte_set,
-    word_set,
-    cut,
-    removed,
-    repeated,
-    noise,
-    word_replaced,
-)
 
 
 def damaged(seed: Seed, rng: np.random.Generator) -> dict[str, bytes]:
     """The files, one of them changed in one to eight places, mostly near its beginning."""
     name = str(rng.choice(sorted(seed.files)))
-    data = bytearray(seed.files[name])
-    for _ in range(int(rng.integers(1, 9))):
-        if not data:
-            break
-        front = int(min(len(data), rng.choice([64, 1024, len(data)])))
-        part = data[:front]
-        MUTATIONS[int(rng.integers(len(MUTATIONS)))](part, rng)
-        data[:front] = part
-    return seed.files | {name: bytes(data)}
+    content = seed.files[name]
+    if name.endswith(".npz") and rng.integers(2):
+        return seed.files | {name: repacked(content, rng)}
+    return seed.files | {name: changed(content, rng)}
 
 
 def read(path: Path, *, kind: Kind) -> None:
@@ -125,15 +55,17 @@ def read(path: Path, *, kind: Kind) -> None:
     if kind == "predictions":
         fuzz_predictions.scored(path)
         return
-    recording = open_events(path)
+    if kind == "capture":
+        fuzz_truth.read_capture(path)
+        return
+    recording = open_events(path / "events.txt" if (path / "events.txt").exists() else path)
     count = 0
     for packet in recording:
         count += len(packet)
         if count > MOST_EVENTS:
             break
     recording.gyroscope()
-    if knows_truth(path):
-        open_recording(path).truth(0)
+    fuzz_truth.read_truth(path)
 
 
 def fault_of(path: Path, folder: Path, *, kind: Kind) -> str | None:
@@ -172,11 +104,16 @@ def _memory_bytes(*, reset: bool = False) -> int:
 
 def tried(seed_: Seed, folder: Path, rng: np.random.Generator) -> str | None:
     """Damage a recording or calibration inside a folder, which is emptied first, and read it."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    for name, content in damaged(seed_, rng).items():
-        (folder / name).write_bytes(content)
+    written(damaged(seed_, rng), folder)
     return fault_of(folder / seed_.opened, folder, kind=seed_.kind)
+
+
+def written(files: dict[str, bytes], folder: Path) -> None:
+    """Write files into a folder, which is emptied first."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
 
 
 def drawn(all_seeds: list[Seed], seed: int, index: int) -> tuple[Seed, np.random.Generator]:
@@ -191,10 +128,7 @@ def _work(pipe: Connection, seed: int, shared: Path | None, of: str) -> None:
     with tempfile.TemporaryDirectory() as made:
         for each in all_seeds:  # compile everything before anything is timed
             folder = Path(made) / "whole"
-            shutil.rmtree(folder, ignore_errors=True)
-            folder.mkdir()
-            for name, content in each.files.items():
-                (folder / name).write_bytes(content)
+            written(each.files, folder)
             fault_of(folder / each.opened, folder, kind=each.kind)
         Path(RAN).unlink(missing_ok=True)
         pipe.send(None)

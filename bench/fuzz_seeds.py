@@ -1,4 +1,4 @@
-"""The whole recordings, calibrations and predictions that `fuzz.py` damages."""
+"""The whole recordings, calibrations, captures and predictions that `fuzz.py` damages."""
 
 import json
 import pickle
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import fuzz_predictions
+import fuzz_truth
 import numpy as np
 
 from evimo.events.events import Events
@@ -18,7 +19,7 @@ SIZE = (48, 64)
 HEAD = 1 << 16  # bytes of a real recording
 RAN = "ran_what_the_file_says"
 
-Kind = Literal["recording", "calibration", "predictions"]
+Kind = Literal["recording", "calibration", "predictions", "capture"]
 
 
 @dataclass(frozen=True)
@@ -136,5 +137,7 @@ def seeds(shared: Path | None, of: str = "") -> list[Seed]:
     found += calibration_seeds()
     for name, (files, opened) in fuzz_predictions.whole().items():
         found.append(Seed(f"predictions {name}", files, opened, "predictions"))
+    found += [Seed(f"truth {name}", *files) for name, files in fuzz_truth.whole().items()]
+    found += [Seed(name, *files, "capture") for name, files in fuzz_truth.captures().items()]
     found += shared_seeds(shared) if shared and shared.exists() else []
     return [seed for seed in found if of in seed.name]

@@ -17,6 +17,7 @@ from evimo.events.events import Events
 from evimo.formats.saving import save_events
 from evimo.geometry.camera import Camera
 from evimo.recordings.evimo1_writer import Evimo1Writer
+from evimo.recordings.hdf5_writer import Hdf5Writer
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.prepared import prepare
 from evimo.recordings.truth import Truth
@@ -64,7 +65,7 @@ def at_rest(times_us):
     return PoseTrack(times_us, still, np.zeros(0, np.uint8), np.zeros((len(times_us), 0, 4, 4)))
 
 
-def record(path: Path, writer: type[RecordingWriter] | type[Evimo1Writer]) -> None:
+def record(path: Path, writer: type[RecordingWriter] | type[Evimo1Writer] | type[Hdf5Writer]) -> None:
     with writer(path, CAMERA, poses=at_rest) as recording:
         for index in range(3):
             recording.write(some_events(index), truth_at(index * 25_000 + 12_500))
@@ -96,6 +97,7 @@ def save_window(path: Path) -> None:
 WRITERS: dict[str, Callable[[Path], object]] = {
     "recording": lambda path: record(path, RecordingWriter),
     "recording.npz": lambda path: record(path, Evimo1Writer),
+    "recording.h5": lambda path: record(path, Hdf5Writer),
     "events.raw": lambda path: save_events(map(some_events, range(3)), path, size=SIZE),
     "events.aedat4": lambda path: save_events(map(some_events, range(40)), path, size=SIZE),
     "report.json": lambda path: Report(settings={"model": "small" * 2000}).save(path),
@@ -118,7 +120,7 @@ def test_nothing_is_left_and_the_file_is_named(name, tmp_path):
     assert list(path.parent.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"recording", "recording.npz"}))
+@pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"recording", "recording.npz", "recording.h5"}))
 def test_what_was_there_before_stays(name, tmp_path):
     path = tmp_path / name
     path.write_text("old")

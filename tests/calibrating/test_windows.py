@@ -17,7 +17,7 @@ def test_windows_far_apart_hold_the_same_events_and_keep_no_others(monkeypatch):
             (whole.part(at, at + 200) for at in range(0, len(t), 200)), window_us=3_000, every_us=300_000
         )
     )
-    starts = t[0] + 300_000 * np.arange(3)
+    starts = t[0] + 300_000 * np.arange(4)
     for events, start in zip(found, starts, strict=True):
         np.testing.assert_array_equal(events.t, t[(t >= start) & (t < start + 3_000)])
     assert max(longest) < 1_000

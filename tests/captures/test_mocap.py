@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from evimo.captures import mocap
 from evimo.captures.mocap import load_markers, load_tracks
 from evimo.errors import BadFile, NotFound
 
@@ -123,3 +124,27 @@ def test_topics_that_end_alike_are_bodies_of_their_own(tmp_path, poses, vicon_ba
     assert set(tracks) == {"vicon/rig/pose", "vicon/wand/pose", "hand"}
     check(tracks["vicon/rig/pose"], poses["Rig"])
     check(tracks["vicon/wand/pose"], poses["Object_1"])
+
+
+def test_a_long_word_or_cell_is_no_matter_of_memory(tmp_path):
+    rows = [f"{k},{'b' * (100_000 if k == 7 else 1)},0,0,0,0,0,0,1" for k in range(20_000)]
+    (tmp_path / "a.csv").write_text("t_us,body,x,y,z,qx,qy,qz,qw\n" + "\n".join(rows))
+    tracks = load_tracks(tmp_path / "a.csv")  # as an array of words, 8 GB
+    assert sorted(len(track) for track in tracks.values()) == [1, 19_999]
+    (tmp_path / "b.csv").write_text("t_us,x,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,0," + "1" * 200_000)
+    with pytest.raises(BadFile, match=r"b\.csv, line 2: field larger than"):
+        load_tracks(tmp_path / "b.csv")
+
+
+def test_markers_of_which_each_sighting_has_a_name_are_refused(tmp_path):
+    rows = [f"{k},a,{k if k < 15_000 else 0},1,2,3" for k in range(20_000)]
+    (tmp_path / "a.csv").write_text("t_us,body,marker,x,y,z\n" + "\n".join(rows))
+    with pytest.raises(BadFile, match="have 15,000 names, most of them at few of 20,000 instants"):
+        load_markers(tmp_path / "a.csv")
+
+
+def test_a_bag_may_tell_of_more_messages_than_it_has(tmp_path, poses, vicon_bag, monkeypatch):
+    path = vicon_bag(tmp_path / "all.bag", poses)
+    told = mocap.body_topics
+    monkeypatch.setattr(mocap, "body_topics", lambda bag: [topic._replace(messages=1 << 40) for topic in told(bag)])
+    check(load_tracks(path)["Rig"], poses["Rig"])

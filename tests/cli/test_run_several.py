@@ -94,3 +94,9 @@ def test_folders_are_named_so_that_they_differ(tmp_path):
     assert named("one/events.npz", "two/events.npz", "two/other.npz") == ["o/one/events", "o/two/events", "o/two/other"]
     with pytest.raises(BadInput, match=r"a\.bag and .*a\.npz would both be written to o/a"):
         named("a.bag", "a.npz")
+
+
+def test_a_recording_that_is_not_there_is_said_before_the_first_is_run_over(two, fake_network, tmp_path, capsys):
+    assert main(asked([*two, Path("none")], fake_network, tmp_path / "out", "--sensor", "32x24")) == 2
+    assert capsys.readouterr().err == "error: there is no file or folder 'none'\n  try: check the path\n"
+    assert not (tmp_path / "out").exists()

@@ -37,6 +37,15 @@ def test_only_whole_numbers_name_objects():
     np.testing.assert_array_equal(frames.cam_from_object[3][0, :3, 3], (0, 0, 1))
 
 
+def test_the_third_radial_coefficient_is_kept_where_it_is_one():
+    """EVIMO2 names it, and stores it behind its tangential ones; EV-IMO's first version calls a tangential one so."""
+    numbers = {"fx": 50, "fy": 50, "cx": 31, "cy": 23, "k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}
+    newer = numbers | {"dist_model": "radtan", "p1": 0.5, "p2": 0.6}
+    assert camera_of(newer, (48, 64), AS_WRITTEN, "meta").distortion == (0.1, 0.2, 0.5, 0.6, 0.3)
+    assert camera_of(newer | {"k3": 0.0}, (48, 64), AS_WRITTEN, "meta").distortion == (0.1, 0.2, 0.5, 0.6)
+    assert camera_of(numbers, (48, 64), AS_WRITTEN, "meta").distortion == (0.1, 0.2, 0.3, 0.4)
+
+
 @pytest.mark.parametrize("shape", [(), (5, 0)])
 def test_arrays_of_no_rows_and_columns_are_one_error(tmp_path, shape):
     np.save(tmp_path / "a.npy", np.zeros(shape))

@@ -3,13 +3,16 @@
 import gzip
 import hashlib
 import re
+import ssl
 import threading
+from http.client import HTTPResponse
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
 
 from evimo.cli import main
+from evimo.recordings import downloading
 
 CONTENT = gzip.compress(np.random.default_rng(0).integers(0, 256, 200_000, np.uint8).tobytes())
 
@@ -113,6 +116,18 @@ def test_no_network_is_one_line(server, tmp_path, capsys):
     error = capsys.readouterr().err
     assert "no network: 127.0.0.1 cannot be reached" in error
     assert "Traceback" not in error
+
+
+def test_a_fault_of_ssl_on_the_way_is_the_networks_not_the_disks(server, tmp_path, capsys, monkeypatch):
+    def broken(*_, **__):
+        raise ssl.SSLError(1, "record layer failure")
+
+    for name in ("read", "urlopen"):
+        with monkeypatch.context() as patched:
+            patched.setattr(HTTPResponse if name == "read" else downloading, name, broken)
+            assert fetched(server, tmp_path) == 2
+        said = capsys.readouterr().err
+        assert "no network" in said and "record layer failure" in said and "cannot be written" not in said
 
 
 def test_what_is_not_there_is_said(server, tmp_path, capsys):

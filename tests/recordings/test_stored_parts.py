@@ -1,5 +1,8 @@
 """The same recording in both layouts, opened through the same door."""
 
+import io
+import zipfile
+
 import numpy as np
 import pytest
 
@@ -111,3 +114,39 @@ def test_a_file_cut_short_is_a_bad_file(file):
     short.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     with pytest.raises(BadFile, match=r"short\.npz"):
         open_recording(short)
+
+
+def repacked(path, changes):
+    """An archive with some members replaced, their check sums right."""
+    with zipfile.ZipFile(path) as old:
+        members = {name: old.read(name) for name in old.namelist()} | changes
+    with zipfile.ZipFile(path, "w") as new:
+        for name, content in members.items():
+            new.writestr(name, content)
+
+
+def npy(values):
+    file = io.BytesIO()
+    np.save(file, values)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    "content", [b"plain bytes", npy(np.array("words")), npy(np.float64(3)), b"\x93NUMPY\x01\0\x08\0{'desc\n\n"]
+)
+def test_a_member_that_is_no_array_of_numbers_is_a_bad_file(file, content):
+    folder = file.with_suffix("")
+    repacked(folder / "dataset_clutter.npz", {"clutter_0000000001.npy": content})
+    recording = open_recording(folder)
+    recording.truth(0)
+    with pytest.raises(BadFile, match="clutter"):
+        recording.truth(1)
+    repacked(folder / "dataset_imu.npz", {"gyro.npy": content})
+    with pytest.raises(BadFile, match=r"gyro|IMU"):
+        _ = recording.imu
+    for name in ("times_us", "ego", "object_ids"):
+        broken = file.with_name(f"{name}.npz")
+        broken.write_bytes(file.read_bytes())
+        repacked(broken, {f"sim_{name}.npy": content})
+        with pytest.raises(BadFile, match=name):
+            open_recording(broken)

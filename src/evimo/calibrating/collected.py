@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -13,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from evimo.calibrating.rigid import inverse, moved, pose
 from evimo.calibrating.sightings import Mocap
 from evimo.errors import BadFile, BadInput, NotFound
+from evimo.formats.pictures import read_picture
 
 F8 = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Collected:
     def brightness(self) -> Iterator[NDArray[np.uint8]]:
         """The images (H, W), the brightest of their colours."""
         for path in self.images:
-            image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            image = read_picture(path)
             if image is None:
                 raise BadFile(f"{path} is no image", fix="collect it again, or take it and its line of poses out")
             yield np.asarray(image.max(axis=2) if image.ndim == 3 else image, np.uint8)

@@ -27,7 +27,7 @@ def count_images(
 
 
 def windows(packets: Iterable[Events], *, window_us: int, every_us: int) -> Iterator[Events]:
-    """The events of windows that begin at equal distances; those without events are left out.
+    """The events of windows that begin at equal distances; those without events, or cut by the end, are left out.
 
     Args:
         packets: of events, of any sizes.
@@ -52,6 +52,10 @@ def windows(packets: Iterable[Events], *, window_us: int, every_us: int) -> Iter
         cut = 0 if waiting is None else int(np.searchsorted(waiting.t, start + window_us))
         if waiting is not None and cut < len(waiting) - 1:  # of what lies between windows, only how late it is
             waiting = joined([waiting.part(0, cut), waiting.part(len(waiting) - 1, len(waiting))])
+    if waiting is not None and start is not None and waiting.t[-1] >= start + window_us:
+        window = waiting.between(start, start + window_us)
+        if len(window):
+            yield window
 
 
 def brightness(counts: NDArray[np.float64]) -> float:

@@ -147,7 +147,7 @@ class Entry:
         """
         path = self.file.parent / self.text()
         if not path.exists():
-            raise NotFound(f"{self.place}: there is no {path}", fix=f"the path from {self.file.parent} on")
+            raise NotFound(f"{self.place}: there is no '{path}'", fix=f"the path from {self.file.parent} on")
         return path
 
     def pose(self) -> NDArray[np.float64]:
@@ -179,7 +179,7 @@ def load_entries(path: Path) -> Entry:
         NotFound: there is no such file. BadFile: it is no YAML, too large, or has a key twice.
     """
     if not path.is_file():
-        raise NotFound(f"there is no {path}", fix="check the path")
+        raise NotFound(f"there is no file '{path}'", fix="check the path")
     try:
         raw = path.read_bytes()
         if len(raw) > LARGEST_FILE:

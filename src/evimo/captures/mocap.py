@@ -1,15 +1,16 @@
 """Motion capture from its files: poses and markers of every body in bags, TUM texts and CSV."""
 
-from collections.abc import Callable, Iterator
+from array import array
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.captures.tables import CSV, MARKER_CSV, PLACE, POSE, Rows, csv_rows, is_csv, tum_rows
-from evimo.captures.tracks import MarkerTracks, MocapTrack, markers_of, track_of
+from evimo.captures.tracks import MarkerPlaces, MarkerTracks, MocapTrack, markers_of, track_of
 from evimo.errors import BadFile, NotFound
-from evimo.formats.bag_bodies import BODY_KINDS, BodySample, body_samples, body_topics, open_bag_of, stamps_to_events
+from evimo.formats.bag_bodies import BODY_KINDS, body_samples, body_topics, open_bag_of, stamps_to_events
 from evimo.formats.bag_messages import Bag, Topic
 from evimo.formats.recognition import STARTS
 from evimo.formats.rosbag2 import is_folder_of_bag
@@ -118,24 +119,33 @@ def _named(found: list[Topic]) -> list[tuple[str, Topic]]:
 
 def _bag_track(body: str, bag: Bag, topic: Topic, clock: Clock) -> MocapTrack:
     stamps: list[int] = []
-    poses = np.empty((topic.messages, 7))
-    tracked = np.empty(topic.messages, np.bool_)
-    for number, sample in enumerate(body_samples(bag, topic, markers=False)):
+    numbers, tracked = array("d"), bytearray()  # the count that the bag tells may be wrong
+    for sample in body_samples(bag, topic, markers=False):
         stamps.append(sample.stamp_ns)
-        poses[number], tracked[number] = sample.pose, sample.tracked
-    count = len(stamps)  # a bag cut short tells of more than it has
-    return track_of(body, np.array(clock(stamps), np.int64), poses[:count], tracked[:count])
+        numbers.extend(sample.pose)
+        tracked.append(sample.tracked)
+    poses = np.array(numbers, np.float64).reshape(-1, 7)
+    return track_of(body, np.array(clock(stamps), np.int64), poses, np.frombuffer(tracked, np.bool_))
 
 
 def _bag_markers(body: str, bag: Bag, topic: Topic, clock: Clock) -> MarkerTracks:
-    samples: list[BodySample] = list(body_samples(bag, topic, markers=True))
-    times_us = np.array(clock([sample.stamp_ns for sample in samples]), np.int64)
-    seen = (
-        (number, marker.name, marker.position, marker.visible)
-        for number, sample in enumerate(samples)
-        for marker in sample.markers
+    stamps: list[int] = []
+    columns: dict[str, int] = {}
+    instants, markers, numbers, seen = array("q"), array("q"), array("d"), bytearray()
+    for number, sample in enumerate(body_samples(bag, topic, markers=True)):
+        stamps.append(sample.stamp_ns)
+        for marker in sample.markers:
+            instants.append(number)
+            markers.append(columns.setdefault(marker.name, len(columns)))
+            numbers.extend(marker.position)
+            seen.append(marker.visible)
+    places = MarkerPlaces(
+        np.array(instants, np.intp),
+        np.array(markers, np.intp),
+        np.array(numbers, np.float64).reshape(-1, 3),
+        np.frombuffer(seen, np.bool_),
     )
-    return markers_of(body, times_us, seen)
+    return markers_of(body, np.array(clock(stamps), np.int64), tuple(columns), places)
 
 
 def _text_tracks(path: Path) -> dict[str, MocapTrack]:
@@ -163,20 +173,27 @@ def _by_body(rows: Rows, default: str) -> Iterator[tuple[str, NDArray[np.intp]]]
     if not rows.words:
         yield default, np.arange(len(rows.times_us))
         return
-    names, index = np.unique(np.array(rows.words[0]), return_inverse=True)
-    for number, name in enumerate(names.tolist()):
+    names: dict[str, int] = {}
+    index = _numbered(rows.words[0], names)
+    for name, number in names.items():
         yield name or default, np.flatnonzero(index == number)
 
 
+def _numbered(words: Sequence[str], numbers: dict[str, int]) -> NDArray[np.intp]:
+    """The number of each word, where new ones get the next: an array of words would be as wide as the longest."""
+    return np.fromiter((numbers.setdefault(word, len(numbers)) for word in words), np.intp, len(words))
+
+
 def _text_markers(path: Path) -> dict[str, MarkerTracks]:
-    times: dict[str, list[NDArray[np.int64]]] = {}
-    samples: dict[str, list[tuple[int, str, tuple[float, float, float], bool]]] = {}
+    pieces: dict[str, list[tuple[NDArray[np.int64], NDArray[np.intp], NDArray[np.float64]]]] = {}
+    columns: dict[str, dict[str, int]] = {}
     for rows in csv_rows(path, PLACE, ("[body]", "marker"), form=MARKER_CSV):
         for body, mine in _by_body(rows, path.stem):
-            first = sum(map(len, times.setdefault(body, [])))
-            times[body].append(rows.times_us[mine])
-            names = np.array(rows.words[1])[mine].tolist()
-            places = [(x, y, z) for x, y, z in rows.numbers[mine].tolist()]
-            numbered = enumerate(zip(names, places, strict=True), first)
-            samples.setdefault(body, []).extend((at, name, place, True) for at, (name, place) in numbered)
-    return {body: markers_of(body, np.concatenate(times[body]), samples[body]) for body in times}
+            markers = _numbered([rows.words[1][at] for at in mine.tolist()], columns.setdefault(body, {}))
+            pieces.setdefault(body, []).append((rows.times_us[mine], markers, rows.numbers[mine]))
+    found: dict[str, MarkerTracks] = {}
+    for body, parts in pieces.items():
+        times_us, markers, places = (np.concatenate(each) for each in zip(*parts, strict=True))
+        everywhere = MarkerPlaces(np.arange(len(times_us)), markers, places, np.ones(len(times_us), np.bool_))
+        found[body] = markers_of(body, times_us, tuple(columns[body]), everywhere)
+    return found

@@ -4,7 +4,7 @@ import csv
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,21 +67,27 @@ def csv_rows(path: Path, numbers: Sequence[str], words: Sequence[str], *, form: 
     """
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         reader = csv.reader(file)
-        names = [cell.strip().lower() for cell in next((row for row in reader if _is_filled(row)), [])]
+        table = _filled(path, reader, form)
+        names = [cell.strip().lower() for cell in next((row for _, row in table), [])]
         clock = next((name for name in CLOCKS if name in names), None)
         if clock is None:
             raise BadFile(f"{path}, line {reader.line_num}: no column of times", fix=form)
         columns = [names.index(clock), *(_column(path, names, name, form) for name in numbers)]
         texts = [_column(path, names, name, form) for name in words]
-        filled = ((reader.line_num, row) for row in reader if _is_filled(row))
-        while some := list(islice(filled, LINES)):
+        while some := list(islice(table, LINES)):
             values = _numbers(path, some, columns, form)
             named = (tuple(row[at].strip() if 0 <= at < len(row) else "" for _, row in some) for at in texts)
             yield Rows(_times(path, values[:, 0] * CLOCKS[clock], some), values[:, 1:], tuple(named))
 
 
-def _is_filled(row: list[str]) -> bool:
-    return bool(row) and not row[0].startswith("#") and any(cell.strip() for cell in row)
+def _filled(path: Path, reader: Any, form: str) -> Iterator[tuple[int, list[str]]]:
+    """Rows that hold something and are no comments, with their lines."""
+    try:
+        for row in reader:
+            if row and not row[0].startswith("#") and any(cell.strip() for cell in row):
+                yield reader.line_num, row
+    except csv.Error as error:
+        raise BadFile(f"{path}, line {reader.line_num}: {error}", fix=form) from error
 
 
 def _column(path: Path, names: list[str], name: str, form: str) -> int:

@@ -1,13 +1,17 @@
 """What motion capture gives: where each body was, and where its markers were."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from evimo.errors import BadFile
+
 F8 = NDArray[np.float64]
+
+MOST_CELLS, SPARSEST = 1_000_000, 20  # instants times markers; more only with a sighting for every twenty of them
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +75,19 @@ class MarkerTracks:
         return replace(self, times_us=self.times_us + offset_us)
 
 
+class MarkerPlaces(NamedTuple):
+    """Sightings of markers, N of them.
+
+    instant:  (N,) index of the instant. marker: (N,) index of the name.
+    position: (N, 3) in the world, m. visible: (N,) whether it was seen.
+    """
+
+    instant: NDArray[np.intp]
+    marker: NDArray[np.intp]
+    position: F8
+    visible: NDArray[np.bool_]
+
+
 def track_of(body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray[np.bool_]) -> MocapTrack:
     """The track of samples as they are stored: sorted, of equal times the first, in rotation vectors.
 
@@ -86,25 +103,25 @@ def track_of(body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray
     return MocapTrack(body, order, position, Rotation.from_quat(quaternion).as_rotvec(), known)
 
 
-def markers_of(
-    body: str, times_us: NDArray[np.int64], samples: Iterable[tuple[int, str, tuple[float, float, float], bool]]
-) -> MarkerTracks:
+def markers_of(body: str, times_us: NDArray[np.int64], names: tuple[str, ...], places: MarkerPlaces) -> MarkerTracks:
     """The tracks of markers given one by one.
 
     Args:
         body: whose they are.
         times_us: of the instants, in any order.
-        samples: index of the instant, name, place in the world, and whether it was seen.
+        names: of the markers.
+        places: of any of them at any instant, in any order.
+
+    Raises:
+        BadFile: hardly any marker is there at hardly any instant, as where each sighting got a name of its own.
     """
-    rows = list(samples)
-    names = tuple(dict.fromkeys(name for _, name, _, _ in rows))
-    column = {name: k for k, name in enumerate(names)}
-    order, place = np.unique(times_us, return_inverse=True)
+    order, row = np.unique(times_us, return_inverse=True)
+    if len(order) * len(names) > MOST_CELLS + SPARSEST * len(places.marker):
+        text = f"markers of body {body!r} have {len(names):,} names, most of them at few of {len(order):,} instants"
+        raise BadFile(text, fix="a file whose markers are labelled, without those that are not")
     position = np.zeros((len(order), len(names), 3))
     visible = np.zeros(position.shape[:2], np.bool_)
-    if rows:
-        at = place[[index for index, *_ in rows]], np.array([column[name] for _, name, _, _ in rows])
-        where = np.array([spot for _, _, spot, _ in rows], np.float64)
-        seen = np.array([flag for *_, flag in rows], np.bool_) & np.isfinite(where).all(axis=1)
-        position[at], visible[at] = np.where(seen[:, None], where, 0), seen
+    at = row[places.instant], places.marker
+    seen = places.visible & np.isfinite(places.position).all(axis=1)
+    position[at], visible[at] = np.where(seen[:, None], places.position, 0), seen
     return MarkerTracks(body, names, order, position, visible)

@@ -76,12 +76,11 @@ def _scan(entry: "Entry", path: Path, unit: str) -> np.ndarray:
 
 
 def _depth_image(entry: "Entry", path: Path, camera_file: Path | None, farthest_m: float) -> np.ndarray:
-    import cv2
-
     from evimo.calibrating.fragments import depth_points
+    from evimo.formats.pictures import read_picture
     from evimo.geometry.calibration import load_camera
 
-    depth_mm = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    depth_mm = read_picture(path)
     if depth_mm is None or depth_mm.ndim != 2 or depth_mm.dtype != np.uint16:
         raise BadFile(f"{path} is no depth image", fix="a PNG with one channel of 16 bits, in mm")
     if camera_file is None:

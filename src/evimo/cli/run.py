@@ -69,6 +69,9 @@ def run(
     if camera and not calibration:
         raise BadInput(f"--camera {camera} names a camera of a calibration file", fix="--calibration FILE")
     crew.check()
+    from evimo.formats.recognition import check_there
+
+    check_there((recording, *more))
     asked = Asked(
         model=model,
         calibration=(calibration, camera),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.events.events import Events
+from evimo.formats.columns import signs
 
 RECORD_BYTES = 8
 OTHER, IMU, IMU_KIND = 1 << 31, 3 << 10, 3 << 10
@@ -80,4 +81,4 @@ def _events(
     """Pixels turned round; those beyond the sensor become negative, thus 65535 or near it: outside every sensor."""
     height, width = size
     x, y = (width - 1 - column, height - 1 - row) if height else (column, row)
-    return Events(x.astype(np.uint16), y.astype(np.uint16), t, np.where(on, 1, -1).astype(np.int8))
+    return Events(x.astype(np.uint16), y.astype(np.uint16), t, signs(on))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile
 from evimo.events.events import Events
+from evimo.formats.columns import signs
 from evimo.formats.zstandard import zstd
 
 EVENT = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("on", "u1"), ("", "V3")])
@@ -121,8 +122,8 @@ def packet_events(file: IO[bytes], offset: int, compression: int) -> Events:
         stored = np.frombuffer(raw, EVENT, count, vector)
     except struct.error as error:
         raise ValueError("not a packet of events") from error
-    p = np.where(stored["on"] > 0, 1, -1).astype(np.int8)
-    return Events(stored["x"].astype(np.uint16), stored["y"].astype(np.uint16), stored["t"].astype(np.int64), p)
+    x, y, p = stored["x"].astype(np.uint16), stored["y"].astype(np.uint16), signs(stored["on"])
+    return Events(x, y, stored["t"].astype(np.int64), p)
 
 
 def packet_rates(file: IO[bytes], offset: int, compression: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

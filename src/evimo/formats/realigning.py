@@ -33,9 +33,11 @@ def found_loss(raw: memoryview, item: np.dtype[Any], sense: Sense) -> Loss | Non
     tail = len(raw) // size - LAST
     if tail < 0:
         return None
+    if _wrong(raw[tail * size :], item, sense).sum() < SUSPECT:
+        return None
     wrong = [_wrong(raw[tail * size + shift :], item, sense).sum() for shift in range(size)]
     best = int(np.argmin(wrong))
-    if wrong[0] < SUSPECT or wrong[best] * CLEARER > wrong[0]:
+    if wrong[best] * CLEARER > wrong[0]:
         return None
     before, after = _wrong(raw, item, sense), _wrong(raw[best:], item, sense)
     count = len(after)

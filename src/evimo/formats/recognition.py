@@ -1,6 +1,7 @@
 """Which format a file is in: by its first bytes, and where those say nothing, by what a user may have meant."""
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -92,6 +93,17 @@ READABLE = (
 )
 
 
+def check_there(paths: Iterable[Path]) -> None:
+    """Make sure that there is something at every path, before the first is worked on.
+
+    Raises:
+        NotFound: there is nothing.
+    """
+    for path in paths:
+        if not path.exists():
+            raise NotFound(f"there is no file or folder '{path}'", fix="check the path")
+
+
 def recognised(path: Path) -> Kind:
     """The format of a recording, from its content.
 
@@ -99,8 +111,7 @@ def recognised(path: Path) -> Kind:
         NotFound: there is nothing.
         BadFile: empty, not readable yet, or no event recording.
     """
-    if not path.exists():
-        raise NotFound(f"there is no {path}", fix="check the path")
+    check_there([path])
     if path.is_dir() or (path.name.startswith("dataset_") and (path.parent / "dataset_events_t.npy").exists()):
         return _folder(path if path.is_dir() else path.parent)
     if path.name == METADATA and is_folder_of_bag(path.parent):

@@ -5,11 +5,11 @@ import re
 import struct
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
+from evimo.formats.pictures import read_picture
 from evimo.predictions.sources import Predictions, ascending_us, check_size
 from evimo.recordings.prediction import Prediction
 
@@ -53,7 +53,7 @@ class _Pictures:
         """Decode the picture of instant k."""
         path = self._paths[k]
         check_size(_told_size(path), self._sensor, str(path))  # before memory is taken for what a damaged one says
-        picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        picture = read_picture(path)
         if picture is None:
             raise BadFile(f"{path} is no PNG picture, or damaged", fix="write it again")
         if picture.ndim == 3 and (picture == picture[..., :1]).all():

@@ -55,6 +55,8 @@ def camera_of(numbers: dict[str, Any], size: tuple[int, int], convention: str, w
         tangential = ("p1", "p2") if "dist_model" in numbers or "p1" in numbers else ("k3", "k4")
         names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", *tangential)
         distortion = tuple(float(numbers.get(name, 0.0)) for name in names)
+        if not fisheye and tangential[0] == "p1" and (third := float(numbers.get("k3", 0.0))):
+            distortion = (*distortion, third)
         height, width = size
         if convention in (SWAPPED, RENDERED):
             fx, fy, cx, cy = fy, fx, cy, cx

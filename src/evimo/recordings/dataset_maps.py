@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any, Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +10,7 @@ from evimo.errors import BadFile
 from evimo.formats.array_rows import Rows
 from evimo.formats.evimo_meta import MetaPoses
 from evimo.formats.npz_members import Archive
+from evimo.formats.pictures import read_picture
 
 COPY = "copy the whole recording again from the dataset"
 ID_STEP = 1000  # of masks: an object's number times this
@@ -67,7 +67,7 @@ class FolderMaps:
         """Open both archives.
 
         Raises:
-            BadFile: one is missing, or holds nothing.
+            BadFile: one is missing, or holds no maps.
         """
         self._archives: dict[str, Archive] = {}
         for name in ("depth", "mask"):
@@ -78,7 +78,10 @@ class FolderMaps:
         # Numbers count frames of the whole film, those without truth too: an entry's id less the first one's.
         self._numbers = frames.ids - frames.ids[0] if len(frames) else frames.ids
         first = min(self._archives["depth"].names)
-        self.size: tuple[int, int] = self._archives["depth"].header(first).shape[-2:]  # type: ignore[assignment]
+        shape = self._archives["depth"].header(first).shape
+        if len(shape) != 2:
+            raise BadFile(f"`{first}` in {folder / 'dataset_depth.npz'} is no map, but an array {shape}", fix=COPY)
+        self.size: tuple[int, int] = shape
 
     def has(self, frame: int) -> bool:
         """Whether both archives hold that frame."""
@@ -86,7 +89,11 @@ class FolderMaps:
 
     def read(self, name: str, frame: int) -> NDArray[Any]:
         """One member."""
-        return self._archives[name].whole(self._member(name, frame))
+        values = self._archives[name].whole(self._member(name, frame))
+        if values.shape != self.size or values.dtype.kind not in "iuf":
+            text = f"`{self._member(name, frame)}` of {self._archives[name].path} is {values.dtype} {values.shape}"
+            raise BadFile(f"{text}, no map of {self.size}", fix=COPY)
+        return values
 
     def _member(self, name: str, frame: int) -> str:
         return f"{name}_{int(self._numbers[frame]):010d}"
@@ -120,7 +127,7 @@ class PictureMaps:
     def _picture(self, frame: int) -> NDArray[Any]:
         if self._newest is None or self._newest[0] != frame:
             path = self._folder / self._pictures[frame]
-            picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            picture = read_picture(path)
             if picture is None or picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint16:
                 raise BadFile(f"{path} is no picture of three channels of 16 bits", fix=COPY)
             self._newest = frame, picture

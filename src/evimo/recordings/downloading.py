@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from http.client import HTTPException
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from urllib.error import HTTPError, URLError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
@@ -116,7 +116,7 @@ def _append(archive: DatasetArchive, part: Path, have: int, progress: Callable[[
     """Write what is missing behind what is there."""
     request = Request(archive.url, headers={"Range": f"bytes={have}-"} if have else {})
     try:
-        answer = urlopen(request, timeout=TIMEOUT_S)
+        answer = _arrived(lambda: urlopen(request, timeout=TIMEOUT_S))
     except HTTPError as error:
         if have and error.code == 416:  # nothing is missing
             progress(have)
@@ -125,18 +125,29 @@ def _append(archive: DatasetArchive, part: Path, have: int, progress: Callable[[
     with answer:
         goes_on = answer.status == 206
         kept = have if goes_on else 0
-        total = kept + int(answer.headers.get("Content-Length") or 0)
+        length = answer.headers.get("Content-Length") or ""
+        total = kept + (int(length) if length.isdecimal() else 0)
         free = shutil.disk_usage(part.parent).free
         if total - kept > free:
             text = f"{archive.file} needs {(total - kept) / 1e9:.1f} GB, {part.parent} has {free / 1e9:.1f} GB"
             raise BadInput(text, fix="another --out, or more room on the disk")
         progress(kept)
         with part.open("ab" if goes_on else "wb") as file:
-            while chunk := answer.read(CHUNK_BYTES):
+            while chunk := _arrived(lambda: answer.read(CHUNK_BYTES)):
                 file.write(chunk)
                 progress(len(chunk))
     if total and part.stat().st_size < total:
         raise ConnectionError(f"{archive.file} stopped after {part.stat().st_size:,} of {total:,} bytes")
+
+
+def _arrived(from_network: Callable[[], Any]) -> Any:
+    """What comes through the network, whose errors would else be taken for those of the disk, such as one of SSL."""
+    try:
+        return from_network()
+    except (URLError, TimeoutError):
+        raise
+    except OSError as error:
+        raise ConnectionError(str(error)) from error
 
 
 def _check_content(part: Path) -> None:

@@ -1,16 +1,14 @@
 """How a simulated recording was made, as it tells itself."""
 
 import json
-import zipfile
-import zlib
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 
 from evimo.errors import BadFile
+from evimo.formats.npz_members import Archive
 
 FACTS = "sim_facts"  # in an .npz file
 MARK = "evimo"  # the attribute of an HDF5 file
@@ -41,18 +39,20 @@ def _folder_facts(path: Path) -> dict[str, Any]:
         raise BadFile(f"{path.parent} lacks {path.name}", fix="a folder that `evimo simulate` has written")
     try:
         return dict(json.loads(path.read_text())["evimo"])
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise BadFile(f"{path} is not the JSON of a simulated recording", fix=DAMAGED) from error
 
 
 def _archive_facts(path: Path) -> dict[str, Any]:
+    archive = Archive(path)
+    if archive.cut_short:
+        raise BadFile(f"{path} was cut short", fix=DAMAGED)
+    if FACTS not in archive.names:
+        fix = f"`evimo run {path}`: of what others made, the events are read; poses in a pickle stay closed"
+        raise BadFile(f"{path} was not written by `evimo simulate`", fix=fix)
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            if FACTS not in archive:
-                fix = f"`evimo run {path}`: of what others made, the events are read; poses in a pickle stay closed"
-                raise BadFile(f"{path} was not written by `evimo simulate`", fix=fix)
-            return dict(json.loads(str(archive[FACTS].item())))
-    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        return dict(json.loads(str(archive.value(FACTS))))
+    except (ValueError, TypeError, RecursionError) as error:
         raise BadFile(f"{path} does not tell how it was simulated", fix=DAMAGED) from error
 
 

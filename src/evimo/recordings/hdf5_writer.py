@@ -1,12 +1,12 @@
 """Write a recording with truth as one HDF5 file, slice by slice, in constant memory."""
 
 import json
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +14,7 @@ from evimo.errors import BadInput
 from evimo.events.events import Events
 from evimo.geometry.camera import Camera
 from evimo.recordings.facts import MARK
+from evimo.recordings.hdf5_file import Hdf5File
 from evimo.recordings.hdf5_layout import grown
 from evimo.recordings.imu import Imu
 from evimo.recordings.pose_track import PoseSource
@@ -57,7 +58,11 @@ class Hdf5Writer:
         """
         self._outputs = OutputFolder(self.path.parent, names=self.path)
         self._outputs.__enter__()
-        self._file = h5py.File(self._outputs.path(self.path.name), "w")
+        try:
+            self._file = Hdf5File(self._outputs.path(self.path.name), attributes={})
+        except OSError as full:
+            self._outputs.__exit__(type(full), full, full.__traceback__)
+            raise
         return self
 
     def __exit__(
@@ -71,9 +76,11 @@ class Hdf5Writer:
         try:
             if error is None:
                 self._finish()
-            self._file.close()
-            if error is None:
+                self._file.close()
                 self._outputs.keep(self.path.name)
+            else:
+                with suppress(OSError):  # what came first is told
+                    self._file.close()
         except OSError as full:
             kind, error, trace = type(full), full, full.__traceback__
             raise
@@ -96,19 +103,20 @@ class Hdf5Writer:
         if event_ids is not None:
             columns["ids"] = checked_ids(event_ids, events)
         for name, values in columns.items():
-            grown(self._file, f"events/{name}", values)
+            grown(self._file.content, f"events/{name}", values)
         for name, values in stored_maps(truth, clutter_bodies).items():
-            grown(self._file, f"truth/{name}", values[None])
+            grown(self._file.content, f"truth/{name}", values[None])
+        self._file.check()
         self.truths.append(without_maps(truth))
 
     def _finish(self) -> None:
-        sim = exact_motions(self.truths)
+        content, sim = self._file.content, exact_motions(self.truths)
         if self.poses:
             sim |= exact_poses(*tracks(self.poses, sim["times_us"]))
         for name, values in sim.items():
-            self._file[f"sim/{name}"] = values
+            content[f"sim/{name}"] = values
         for name, values in (self.imu.arrays() if self.imu else {}).items():
-            self._file[f"imu/{name}"] = values
+            content[f"imu/{name}"] = values
         facts = {"format": FORMAT, "camera": asdict(self.camera), **self.facts}
-        self._file.attrs[MARK] = json.dumps(facts)
-        self._file["events"].attrs["height"], self._file["events"].attrs["width"] = self.camera.size
+        content.attrs[MARK] = json.dumps(facts)
+        content["events"].attrs["height"], content["events"].attrs["width"] = self.camera.size

@@ -107,6 +107,7 @@ class Recording:
         arrays = self._parts.imu()
         if arrays is None:
             return None
+        _check_numbers(arrays, self.path)
         rows = arrays["t_us"].size
         if any(values.shape != ((rows,) if name == "t_us" else (rows, 3)) for name, values in arrays.items()):
             raise BadFile(f"IMU arrays of {self.path} do not fit together", fix=DAMAGED)
@@ -160,6 +161,7 @@ class Recording:
 
     def _map(self, name: str, k: int) -> NDArray[Any]:
         values = self._parts.map(name, k)
+        _check_numbers({name: values}, self.path)
         if values.shape != self.camera.size:
             raise BadFile(f"{name} {k} of {self.path} is {values.shape}, the sensor {self.camera.size}", fix=DAMAGED)
         return values
@@ -206,6 +208,9 @@ def _own(path: Path) -> Recording:
     motions = parts.motions(MOTIONS)
     with suppress(BadFile):  # where speed alone tells what moves, there is none
         motions |= parts.motions(("moving",))
+    _check_numbers(motions, path)
+    if motions["times_us"].ndim != 1 or motions["object_ids"].ndim != 1:
+        raise BadFile(f"exact motions (sim) of {path} do not fit together", fix=DAMAGED)
     frames, bodies = len(motions["times_us"]), len(motions["object_ids"])
     shapes = {"ego": (frames, 6)} | dict.fromkeys(("positions", "velocities", "rotations"), (frames, bodies, 3))
     shapes |= {"moving": (frames, bodies)} if "moving" in motions else {}
@@ -220,12 +225,24 @@ def _own(path: Path) -> Recording:
     return Recording(parts, camera, motions, information, find_paths=lambda: _stored_paths(parts))
 
 
+def _check_numbers(arrays: Arrays, path: Path) -> None:
+    """Make sure that these are arrays of numbers.
+
+    Raises:
+        BadFile: one is something else.
+    """
+    for name, values in arrays.items():
+        if np.asarray(values).dtype.kind not in "biuf":  # HDF5 may give bytes or a text
+            raise BadFile(f"`{name}` of {path} is no array of numbers", fix=DAMAGED)
+
+
 def _stored_paths(parts: StoredParts) -> Paths | None:
     """Splines of the poses at 200 Hz that a recording of this package holds; None where it was written without."""
     try:
         arrays = parts.motions(TRAJECTORY)
     except BadFile:
         return None
+    _check_numbers(arrays, parts.path)
     placed = arrays["trajectory_cam_from_object"]
     try:
         ids = [int(key) for key in parts.motions((TRAJECTORY_IDS,))[TRAJECTORY_IDS]]

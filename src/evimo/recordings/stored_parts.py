@@ -1,11 +1,8 @@
 """Where the parts of a stored recording lie: a folder in the layout of EVIMO2, or an .npz file in that of EV-IMO."""
 
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
@@ -20,7 +17,6 @@ from evimo.recordings.imu import IMU_ARRAYS
 
 Arrays = dict[str, NDArray[Any]]
 ARCHIVED = {"depth": "depth", "mask": "mask", "clutter": "sim_clutter"}
-DAMAGES = (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, zlib.error)
 
 
 class StoredParts(Protocol):
@@ -149,8 +145,7 @@ def arrays_of(path: Path, names: tuple[str, ...]) -> Arrays:
     """
     if not path.exists():
         raise BadFile(f"{path.parent} lacks {path.name}", fix=DAMAGED)
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in names}
-    except DAMAGES as error:
-        raise BadFile(f"{path} is damaged: {error}", fix=DAMAGED) from error
+    archive = Archive(path)
+    if missing := [name for name in names if name not in archive.names]:
+        raise BadFile(f"{path} lacks `{missing[0]}`", fix=DAMAGED)
+    return {name: archive.whole(name) for name in names}

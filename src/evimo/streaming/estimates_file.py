@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.recordings.estimate import Estimate
-from evimo.streaming.hdf5_file import Hdf5File
+from evimo.recordings.hdf5_file import Hdf5File
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import Background
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from evimo.recordings.estimate import EventLabels
-from evimo.streaming.hdf5_file import Hdf5File
+from evimo.recordings.hdf5_file import Hdf5File
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import Background
 

@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
+from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
 from urllib.error import HTTPError
@@ -40,6 +42,14 @@ def test_a_page_is_handed_on_with_a_policy_that_names_this_machine_alone():
         server.shutdown()
     allowed = [word for word in policy.split() if "://" in word]
     assert allowed == ["http://127.0.0.1:*"] and policy.startswith("default-src 'self'") and ";" not in policy
+
+
+def test_an_address_cannot_lead_to_another_machine():
+    """`GET @elsewhere/`, put behind the port, would be a name and password before another machine's name."""
+    with closed_page(free_port()) as port, closing(HTTPConnection("127.0.0.1", port)) as browser:
+        browser.putrequest("GET", "@example.org/")
+        browser.endheaders()
+        assert browser.getresponse().status == 400
 
 
 def test_a_page_that_is_not_there_is_not_found():

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, MissingExtra, NotFound
+from evimo.formats.pictures import read_picture
 from evimo.scene.own_files import own_files
 
 F4 = NDArray[np.float32]
@@ -67,7 +68,7 @@ def own_photos(folder: Path, pool: int) -> Photos:
 def _photo(file: Path) -> F4:
     if not file.is_file():
         raise NotFound(f"no picture {file}", fix="another version of scikit-image, or the file put back")
-    grey = cv2.imdecode(np.frombuffer(file.read_bytes() or b"0", np.uint8), cv2.IMREAD_GRAYSCALE)
+    grey = read_picture(file, cv2.IMREAD_GRAYSCALE)
     if grey is None or min(grey.shape) < LEAST_SIDE:
         raise BadFile(f"{file} is no picture of at least {LEAST_SIDE} pixels", fix="another picture, or remove it")
     return (grey / np.float32(255)).astype(np.float32)

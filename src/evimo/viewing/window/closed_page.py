@@ -28,6 +28,9 @@ def closed_page(inner: int) -> Generator[int]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             with suppress(ConnectionError):  # the browser has left
+                if not self.path.startswith("/"):  # `@elsewhere` behind the port would be another machine
+                    self.send_error(400)
+                    return
                 try:
                     with direct.open(f"http://{HOST}:{inner}{self.path}", timeout=GONE_S) as answer:
                         self.send_response(answer.status)
@@ -37,7 +40,7 @@ def closed_page(inner: int) -> Generator[int]:
                         self.send_header("Content-Security-Policy", POLICY)
                         self.end_headers()
                         shutil.copyfileobj(answer, self.wfile)
-                except (URLError, HTTPException):
+                except (URLError, HTTPException, TimeoutError, ValueError):  # of letters that no address has
                     self.send_error(404)
 
         def log_message(self, format: str, *args: object) -> None:

@@ -8,14 +8,14 @@ import h5py
 import numpy as np
 import pytest
 
-from evimo.streaming import hdf5_file
-from evimo.streaming.hdf5_file import Hdf5File
+from evimo.recordings import hdf5_file
+from evimo.recordings.hdf5_file import Hdf5File
 
 WORK = """
 import sys
 from pathlib import Path
 sys.path.insert(0, {src!r})
-from evimo.streaming import hdf5_file
+from evimo.recordings import hdf5_file
 
 class Small(hdf5_file._Disk):
     def __init__(self, path):
@@ -59,7 +59,7 @@ else:
 @pytest.mark.parametrize("room", [0, 1, 100, 2000, 5000, 9000, 20_000])
 def test_a_disk_that_fills_up_is_told_and_does_not_crash_the_program(room, tmp_path):
     """h5py/h5py#914: HDF5 crashes when a program ends whose files cannot be written."""
-    src = str(hdf5_file.__file__).partition("evimo/streaming")[0]
+    src = str(hdf5_file.__file__).partition("evimo/recordings")[0]
     code = WORK.format(room=room, path=str(tmp_path / "a.h5"), src=src)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

@@ -1,0 +1,36 @@
+"""Pictures that claim to be larger than their bytes can hold take no memory."""
+
+import struct
+import tracemalloc
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+
+from evimo.formats.pictures import read_picture
+
+
+def test_any_whole_picture_is_read(tmp_path):
+    rng = np.random.default_rng(0)
+    for number, kind in enumerate((np.uint8, np.uint16)):
+        for shape in ((20, 30), (20, 30, 3)):
+            pixels = rng.integers(0, np.iinfo(kind).max, shape, kind)
+            path = tmp_path / f"Bärte {number}{len(shape)}.png"
+            path.write_bytes(cv2.imencode(".png", pixels)[1].tobytes())
+            np.testing.assert_array_equal(read_picture(path), pixels)
+    path.write_bytes(cv2.imencode(".png", np.zeros((4000, 4000, 3), np.uint16))[1].tobytes())
+    assert not read_picture(path).any()  # the densest that there is
+
+
+@pytest.mark.parametrize("size", [(30_000, 30_000), (3_000, 3_000), (0, 7)])
+def test_a_size_that_cannot_be_is_damage(tmp_path, size):
+    whole = bytearray(cv2.imencode(".png", np.zeros((20, 30, 3), np.uint16))[1].tobytes())
+    whole[16:24] = struct.pack(">II", *size)
+    whole[29:33] = struct.pack(">I", zlib.crc32(whole[12:29]))
+    (tmp_path / "a.png").write_bytes(whole)
+    tracemalloc.start()
+    assert read_picture(tmp_path / "a.png") is None
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()
+    assert read_picture(tmp_path / "none.png") is None
