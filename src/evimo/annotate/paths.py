@@ -17,7 +17,7 @@ class BodyPath:
     """Where a body was at any time, and how fast; its samples are fitted where they are asked for."""
 
     def __init__(self, track: MocapTrack) -> None:
-        self._track = track.picked(np.flatnonzero(track.tracked))
+        self._track = track if track.tracked.all() else track.picked(np.flatnonzero(track.tracked))
         self._fitted = lru_cache(maxsize=2)(self._fit)
 
     def at(self, times_us: I8) -> Motion:

@@ -133,7 +133,8 @@ def tracked_scene(capture: Capture) -> TrackedScene:
     _check_calibrated(capture)
     tracks = capture.tracks()
     assert capture.camera.body_from_cam is not None
-    camera = Body(BodyPath(tracks[capture.camera.body]), capture.camera.body_from_cam)
+    paths = {body: BodyPath(tracks.pop(body)) for body in list(tracks)}  # an hour of samples is not kept twice
+    camera = Body(paths[capture.camera.body], capture.camera.body_from_cam)
     scans = [each.load() for each in capture.objects]
     bodies, middles = list[Body](), list[F8]()
     for each, scan in zip(capture.objects, scans, strict=True):
@@ -141,7 +142,7 @@ def tracked_scene(capture: Capture) -> TrackedScene:
         middle = np.eye(4)
         middle[:3, 3] = (scan.points.min(axis=0) + scan.points.max(axis=0)) / 2
         middles.append(middle)
-        bodies.append(Body(BodyPath(tracks[each.body]), each.body_from_scan @ middle))
+        bodies.append(Body(paths[each.body], each.body_from_scan @ middle))
     room = capture.room
     fine = [FINE_OBJECT] * len(bodies) + [FINE_ROOM] * (room is not None)
     return TrackedScene(

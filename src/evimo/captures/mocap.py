@@ -154,9 +154,8 @@ def _text_tracks(path: Path) -> dict[str, MocapTrack]:
         for body, mine in _by_body(rows, path.stem):
             pieces.setdefault(body, []).append((rows.times_us[mine], rows.numbers[mine]))
     found: dict[str, MocapTrack] = {}
-    for body, parts in pieces.items():
-        times_us = np.concatenate([times for times, _ in parts])
-        numbers = np.concatenate([values for _, values in parts])
+    for body in list(pieces):
+        times_us, numbers = map(np.concatenate, zip(*pieces.pop(body), strict=True))
         tracked = numbers[:, 7] != 0 if numbers.shape[1] > 7 else np.ones(len(times_us), np.bool_)
         found[body] = track_of(body, times_us, numbers[:, :7], tracked)
     return found

@@ -94,13 +94,14 @@ def track_of(body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray
     poses: (M, 7) x y z in m and quaternion x y z w. Samples that are not finite, or whose quaternion is of no length,
         count as not tracked: many programs write zeros where they see nothing.
     """
-    order, rows = np.unique(times_us, return_index=True)
-    poses, tracked = poses[rows], tracked[rows]
+    if not (np.diff(times_us) > 0).all():
+        times_us, rows = np.unique(times_us, return_index=True)
+        poses, tracked = poses[rows], tracked[rows]
     length = np.linalg.norm(poses[:, 3:], axis=1)
     known = tracked & np.isfinite(poses).all(axis=1) & (np.abs(length - 1) < 0.01)
     quaternion = np.where(known[:, None], poses[:, 3:], (0, 0, 0, 1))
     position = np.where(known[:, None], poses[:, :3], 0)
-    return MocapTrack(body, order, position, Rotation.from_quat(quaternion).as_rotvec(), known)
+    return MocapTrack(body, times_us, position, Rotation.from_quat(quaternion).as_rotvec(), known)
 
 
 def markers_of(body: str, times_us: NDArray[np.int64], names: tuple[str, ...], places: MarkerPlaces) -> MarkerTracks:
