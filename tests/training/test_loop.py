@@ -168,6 +168,15 @@ class AtOnce:
         """Nothing is under way."""
 
 
+def test_a_run_that_learns_nothing_ends(recording, small_crops, tiny, tmp_path, monkeypatch):
+    monkeypatch.setattr(loop, "SICK_STEPS", 2)
+    sick = replace(recording(slices=4), ego=np.full((4, 6), np.nan, np.float32))
+    trainer = Trainer(tiny(), replace(CONFIG, steps=9), from_folders(samples_of([sick])), tmp_path)
+    with pytest.raises(BadInput, match=r"no number .*twist"):
+        trainer.run(lambda step, terms: None)
+    assert trainer.step == 2
+
+
 def test_drawing_beside_the_learning_changes_nothing(small, tiny, tmp_path, monkeypatch):
     beside = trained(Trainer(tiny(), CONFIG, small, tmp_path / "beside"))
     monkeypatch.setattr(loop, "ThreadPoolExecutor", AtOnce)

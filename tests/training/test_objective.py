@@ -188,6 +188,13 @@ def test_each_direction_has_its_own_channel(count):
     assert share.argmax(0).tolist() == list(range(count))
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_every_direction_is_shared_out(count):
+    angle = torch.linspace(-3.1, 3.1, 63)
+    velocity = torch.stack((angle.cos(), angle.sin(), torch.zeros(63)))[None, :, None]
+    torch.testing.assert_close(directions(velocity, count).sum(1), torch.ones(1, 1, 63))
+
+
 def test_slices_are_counted_by_polarity():
     counts = torch.zeros(1, 30, 2, 3)
     counts[0, 6, 1, 2], counts[0, 11, 1, 2] = 2, 1  # slice 1: two positive in the first bin, a negative in the last

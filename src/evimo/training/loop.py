@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict
-from math import cos, pi
+from math import cos, isfinite, pi
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,8 @@ from evimo.training.sources import Choices, Source
 from evimo.writing import make_folder
 
 MODEL, STATE = "model.safetensors", "state.safetensors"
+SICK_STEPS = 20
+"""In a row: a run whose loss is no number for so long has stopped learning."""
 
 
 class Trainer:
@@ -63,8 +65,13 @@ class Trainer:
         self.pace = Pace(config.batch)
 
     def run(self, report: Callable[[int, dict[str, float]], None]) -> None:
-        """Train up to the last step; `report` gets the step and the loss terms of its batch."""
+        """Train up to the last step; `report` gets the step and the loss terms of its batch.
+
+        Raises:
+            BadInput: the loss is no number, `SICK_STEPS` steps in a row.
+        """
         make_folder(self.out)
+        sick = 0
         try:
             with self._batches() as following:
                 while self.step < self.config.steps:
@@ -73,6 +80,9 @@ class Trainer:
                     said = self._one_step(batch)
                     self.pace.add()
                     report(self.step, said)
+                    sick = 0 if isfinite(said["loss"]) else sick + 1
+                    if sick == SICK_STEPS:
+                        raise _no_number(said, self.step)
                     if self.step % self.config.save_every == 0 and self.step < self.config.steps:
                         self.save()
         finally:
@@ -155,6 +165,14 @@ class Trainer:
         self.learner.restore(tensors)
         self.step = int(facts["step"])
         return True
+
+
+def _no_number(said: dict[str, float], step: int) -> BadInput:
+    terms = ", ".join(name for name, value in said.items() if name != "loss" and not isfinite(value))
+    return BadInput(
+        f"nothing has been learned for {SICK_STEPS} steps up to {step}: the loss is no number ({terms})",
+        fix="a lower --learning-rate in another --out, or recordings without damaged truth",
+    )
 
 
 class Pace:

@@ -60,6 +60,8 @@ def directions(velocity: Tensor, count: int) -> Tensor:
     The channels are interchangeable by nature; tying each to a sector of directions keeps them apart.
     """
     angle = torch.atan2(velocity[:, 1], velocity[:, 0])
+    if count == 1:
+        return torch.ones_like(angle)[:, None]
     centres = torch.arange(count, device=angle.device) * (2 * pi / count)
     share = (torch.cos(angle[:, None] - centres.view(1, -1, 1, 1)) + 0.5).clamp(min=0)
     return share / share.sum(1, keepdim=True)
