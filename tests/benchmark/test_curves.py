@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pytest import approx
 
+from evimo.benchmark import curves
 from evimo.benchmark.curves import DEPTH, LEVELS, PRECISION, RECALL, SPEED, TURNING, curves_of, mask_curves
 from evimo.benchmark.scoring import TRIVIAL, tallies_of
 from evimo.benchmark.tables import LAYOUTS, Block, Row
@@ -99,3 +100,8 @@ def test_the_best_model_is_marked_where_it_beats_the_trivial_answers(models, tri
 
 def test_every_column_of_the_tables_has_a_definition():
     assert all(name in BY_NAME for layout in LAYOUTS for name in layout.columns)
+
+
+def test_a_speed_that_is_no_number_is_in_no_bin():
+    assert curves._in_bin(float("nan"), curves.SPEED_EDGES, 1.0) == {}
+    assert list(curves._in_bin(9.0, curves.SPEED_EDGES, 1.0)) == [str(len(curves.SPEED_EDGES) - 2)]

@@ -1,6 +1,7 @@
 """Where the camera and the objects of a capture were at any time, and how fast, from motion capture at 200 Hz."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -25,19 +26,21 @@ ROOM, VOID = 254, 255  # codes in the image of what is seen, beside the ids of o
 FINE_OBJECT, FINE_ROOM = 0.7, 2.0  # px, radius of discs: an object's outline is its mask
 
 
-class Body(NamedTuple):
-    """A rigid body's path, and a frame fixed on it whose motion is asked for: (4, 4)."""
+class Body:
+    """A rigid body's path, and a frame fixed on it whose motion is asked for."""
 
-    path: BodyPath
-    body_from_frame: F8
+    def __init__(self, path: BodyPath, body_from_frame: F8) -> None:
+        """`body_from_frame`: (4, 4)."""
+        self.path, self._body_from_frame = path, body_from_frame
+        self._moved = lru_cache(maxsize=2)(self._moves)
 
     def at(self, times_us: I8) -> Motion:
         """The frame's poses and twists, in its own axes."""
         motion = self.path.at(times_us)
-        rotation, offset = self.body_from_frame[:3, :3], self.body_from_frame[:3, 3]
+        rotation, offset = self._body_from_frame[:3, :3], self._body_from_frame[:3, 3]
         velocity, spin = motion.twist[:, :3], motion.twist[:, 3:]
         twist = np.concatenate(((velocity + np.cross(spin, offset)) @ rotation, spin @ rotation), axis=1)
-        return Motion(motion.world_from_body @ self.body_from_frame, twist, motion.valid)
+        return Motion(motion.world_from_body @ self._body_from_frame, twist, motion.valid)
 
     def moving(self, times_us: I8) -> Bools:
         """When the frame moves (M,), as it does in datasets: told from what it did up to then, for 20 s at least."""
@@ -45,11 +48,16 @@ class Body(NamedTuple):
         moving = np.zeros(len(times_us), np.bool_)
         for start_us in np.unique(starts).tolist():
             mine = starts == start_us
-            steps_us = self.path.samples_us(start_us - STRETCH_US, start_us + STRETCH_US)
+            steps_us, moves = self._moved(start_us)
             if len(steps_us):
                 place = np.searchsorted(steps_us, times_us[mine], side="right") - 1
-                moving[mine] = moving_of(self.at(steps_us))[np.maximum(place, 0)]
+                moving[mine] = moves[np.maximum(place, 0)]
         return moving
+
+    def _moves(self, start_us: int) -> tuple[I8, Bools]:
+        """The samples of a stretch and of the one before, and at which of them the frame moves."""
+        steps_us = self.path.samples_us(start_us - STRETCH_US, start_us + STRETCH_US)
+        return steps_us, moving_of(self.at(steps_us)) if len(steps_us) else np.zeros(0, np.bool_)
 
 
 class Placed(NamedTuple):

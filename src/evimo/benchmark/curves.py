@@ -82,7 +82,7 @@ def motion_curves(ego: Floats, sample: LabelledSlice, *, metres: float | None) -
 
 
 def _in_bin(value: float, edges: Sequence[float], error: float) -> Scores:
-    return {str(_bins(value, edges)): Score(error, 1)}
+    return {str(_bins(value, edges)): Score(error, 1)} if np.isfinite(value) else {}
 
 
 def _bins(values: Floats | float, edges: Sequence[float]) -> NDArray[np.intp]:

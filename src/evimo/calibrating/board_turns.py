@@ -1,8 +1,8 @@
 """Which way round a board was found: one that looks alike when it is turned has its corners in several orders.
 
-A board is alike upside down unless one of its counts of inner corners is even and the other odd; a square one is on its
-sides, too. Which corner comes first is then the finder's choice, and another one where the board has turned further.
-Motion capture tells by how much it turned between two images.
+A board is alike upside down unless one of its counts of inner corners is even and the other odd, which finders do not
+heed; a square one is on its sides, too. Which corner comes first is then the finder's choice, and another one where the
+board has turned further. Motion capture tells by how much it turned between two images.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,8 @@ from evimo.calibrating.targets import BoardTarget
 
 F8 = NDArray[np.float64]
 
-BEFORE = 20  # images with which one is compared
+OTHERS = 200  # images with which one is compared, at most
+SWEEPS = 2  # over all images
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +36,15 @@ class Turns:
     def as_before(self, cam_from_board: F8, rig_from_body: F8) -> NDArray[np.int64]:
         """The way in which each view (F, 4, 4) was found, all like the first one, by what mocap has of it (F, 4, 4)."""
         found, ways = cam_from_board.copy(), np.zeros(len(cam_from_board), np.int64)
-        for number in range(1, len(found)):
-            some = slice(max(0, number - BEFORE), number)
-            turned = angle_between(rig_from_body[some], rig_from_body[number])
-            apart = np.abs(self.angles(found[number], found[some]) - turned).mean(axis=1)
-            ways[number] = np.argmin(apart)
-            found[number] = found[number] @ self.board_from_turned[ways[number]]
+        numbers = np.arange(len(found))
+        for sweep in range(SWEEPS):  # by those before it; then again by all, of which few err
+            for number in numbers[1:]:
+                others = np.delete(numbers, number) if sweep else numbers[:number]
+                others = others[:: len(others) // OTHERS + 1]
+                turned = angle_between(rig_from_body[others], rig_from_body[number])
+                apart = np.abs(self.angles(cam_from_board[number], found[others]) - turned).mean(axis=1)
+                ways[number] = np.argmin(apart)
+                found[number] = cam_from_board[number] @ self.board_from_turned[ways[number]]
         return ways
 
 

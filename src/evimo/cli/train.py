@@ -96,7 +96,8 @@ def train(
 def _warn_of_recordings_in_both(learned: list[Path], validated: list[Path]) -> None:
     """Say that scores mean little where a recording is learned from, too."""
     known = {path.resolve() for path in learned}
-    if both := [path for path in validated if path.resolve() in known]:
+    both = [path for path in validated if path.resolve() in known]
+    if both and os.environ.get("RANK", "0") == "0":  # of several processes one says it
         problem = (
             f"{both[0]} is learned from and validated on: scores say nothing of new recordings"
             f" ({len(both)} of {len(validated)} to validate on)"

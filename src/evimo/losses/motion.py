@@ -39,7 +39,7 @@ def twist_loss(
     Args:
         predicted: relative egomotion: translation in mean depths per second.
         truth: m/s and rad/s.
-        mean_depth: of the truth, m, over the same pixels that normalise the depth (`mean_over`).
+        mean_depth: of the prediction's depths, m: what a relative depth of 1 means.
     """
     translation = predicted[..., :3] - truth[..., :3] / mean_depth[..., None]
     rotation = predicted[..., 3:] - truth[..., 3:]

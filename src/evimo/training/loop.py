@@ -155,6 +155,11 @@ class Trainer:
         if not path.exists():
             return False
         tensors, facts = load_tensors(path)
+        if not {"weights", "data"} <= facts.keys():
+            raise BadInput(
+                f"{self.out} holds a run of an older version, which drew other samples",
+                fix=f"another --out; to train it further, --preset {self.out / MODEL}",
+            )
         ours = json.loads(json.dumps(self._run))
         told = {part: facts.get(part, {}) for part in ours}
         if changed := [name for part in ours for name in ours[part] if ours[part][name] != told[part].get(name)]:

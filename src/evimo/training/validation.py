@@ -184,7 +184,7 @@ def _add_motion(sums: Sums, answer: Prediction, batch: Batch) -> None:
         sums.flow_zero += float((truth.norm(dim=1, keepdim=True) * at).sum() / count)
     sums.rotation += float((answer.ego[:, 3:] - batch.ego[:, 3:]).norm())
     sums.rotation_zero += float(batch.ego[:, 3:].norm())
-    if batch.depth_valid.any():  # else nobody knows the unit of the translation
+    if (batch.depth_valid & (batch.valid > 0)).any():  # else nobody knows the unit of the translation
         sums.translation += float((answer.ego[:, :3] * unit_m(answer, batch).flatten() - batch.ego[:, :3]).norm())
         sums.translation_zero += float(batch.ego[:, :3].norm())
 
