@@ -18,8 +18,8 @@ NOT_RIGID = 1e-3  # of a rotation's columns against unit length and right angles
 def checked_samples(times_us: I8, poses: F8) -> NDArray[np.bool_]:
     """Which samples (N,) are rigid motions, in order of time, and do not jump there and back.
 
-    Of those out of order as few as possible are bad: one lone stamp, be it early or late, is alone in being so; of a clock
-    that starts again the longer part is kept.
+    Of those out of order as few as possible are bad: one lone stamp, be it early or late, is alone in being so; of a
+    clock that starts again the longer part is kept.
     """
     good = _rigid(poses)
     good[good] = _rising(times_us[good])
