@@ -46,5 +46,5 @@ def _portable(error: Exception, trace: str) -> Exception:
     """An error that arrives: the same, unless it cannot be packed and unpacked."""
     try:
         return pickle.loads(pickle.dumps(error))
-    except Exception:
+    except Exception:  # whatever the error's own packing raises: what it was is in its traceback, which arrives
         return RuntimeError(trace)

@@ -95,10 +95,7 @@ class Hdf5Writer:
         clutter_bodies: NDArray[np.uint8] | None = None,
         event_ids: NDArray[np.uint8] | None = None,
     ) -> None:
-        """Append the events of one slice and the truth of one instant.
-
-        clutter_bodies: (H, W), numbers them. event_ids: (N,) of what each event's pixel saw; with every slice or none.
-        """
+        """Append the events of one slice and the truth of one instant, see `Writer.write`."""
         columns = {"x": events.x, "y": events.y, "t": events.t, "p": (events.p > 0).astype(np.uint8)}
         if event_ids is not None:
             columns["ids"] = checked_ids(event_ids, events)

@@ -124,10 +124,7 @@ class RecordingWriter:
         clutter_bodies: NDArray[np.uint8] | None = None,
         event_ids: NDArray[np.uint8] | None = None,
     ) -> None:
-        """Append the events of one slice and the truth of one instant.
-
-        clutter_bodies: (H, W), numbers them. event_ids: (N,) of what each event's pixel saw; with every slice or none.
-        """
+        """Append the events of one slice and the truth of one instant, see `Writer.write`."""
         if event_ids is not None:
             if not self.truths:
                 self._arrays[IDS] = self._begun(IDS)
