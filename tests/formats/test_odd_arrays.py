@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile
 from evimo.events.events import joined
 from evimo.formats import open_events
 
@@ -42,11 +42,12 @@ def test_polarities_of_one_and_two_are_refused_as_all_would_be_brighter(tmp_path
     assert rows(open_events(path, sensor=SIZE, time_unit="us")) == rows([events])
 
 
-def test_arrays_of_unequal_length_are_said(tmp_path, events, rows):
+@pytest.mark.parametrize("name", ["a.npz", "a.h5", "folder"])
+def test_arrays_of_unequal_length_are_refused_as_nothing_tells_what_belongs_together(tmp_path, events, name):
     columns = columns_of(events)
-    path = saved(tmp_path / "a.h5", columns | {"p": columns["p"][:-3]})
-    with pytest.warns(EvimoWarning, match="the first 997 events are used"):
-        assert rows(open_events(path, sensor=SIZE)) == rows([events])[:-3]
+    path = saved(tmp_path / name, columns | {"p": columns["p"][:-3]})
+    with pytest.raises(BadFile, match=r"unequal length \(.*1,000.* 997\).*\n  try: copy all of them again"):
+        open_events(path, sensor=SIZE)
 
 
 @pytest.mark.parametrize("index", [10**9, 900, -5])

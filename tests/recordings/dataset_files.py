@@ -78,7 +78,7 @@ def v1_npz(path, *, floats=True, meta=None, **changes):
     depth, ids = maps()
     if floats:
         depth = np.where(depth > 10, depth, np.nan)
-        mask = ids * 1000.0 * (1 + 1e-7)
+        mask = ids * (1000.0 + np.where(np.arange(ids.shape[2]) % 2, 1e-4, -1e-4))  # cut off, half would be one less
     else:
         depth, mask = np.rint(depth).astype(np.uint16), ids.astype(np.uint16) * 1000
     arrays = {
@@ -97,14 +97,15 @@ def v1_npz(path, *, floats=True, meta=None, **changes):
     return path
 
 
-def v2_npz(path):
+def v2_npz(path, *, meta=None, **changes):
     """EVIMO2's first layout."""
     depth, ids = maps(ids=V2_IDS)
     shape = {"depth": np.rint(depth).astype(np.uint16), "mask": ids.astype(np.uint16) * 1000}
     path.parent.mkdir(parents=True, exist_ok=True)
     info = {"K": np.eye(3), "D": np.zeros(4), "index": np.zeros(1, np.uint32), "discretization": 0.01}
-    meta = np.array(v2_meta(), object)
-    np.savez_compressed(path, events=event_rows(), classical=np.array(None, object), meta=meta, **shape, **info)
+    meta = np.array(v2_meta() if meta is None else meta, object)
+    arrays = {"events": event_rows(), "classical": np.array(None, object), "meta": meta, **shape, **info}
+    np.savez_compressed(path, **arrays | changes)
     return path
 
 
@@ -140,13 +141,13 @@ def v2_folder(folder, *, meta=None, unknown=(), inverted=False, **changes):
     return folder
 
 
-def v1_text(folder):
+def v1_text(folder, *, meta=None):
     """EV-IMO's text: events.txt, meta.txt and pictures."""
     (folder / "img").mkdir(parents=True)
     found = all_events()
     lines = [f"{t * 1e-6:.9f} {x} {y} {p:d}" for t, x, y, p in zip(found.t, found.x, found.y, found.p > 0, strict=True)]
     (folder / "events.txt").write_text("\n".join(lines) + "\n")
-    meta = v1_meta()
+    meta = v1_meta() if meta is None else meta
     (folder / "meta.txt").write_text("\n".join(("{", *(f"'{key}': {value}," for key, value in meta.items()), "}")))
     depth, ids = maps()
     for k, frame in enumerate(meta["frames"]):

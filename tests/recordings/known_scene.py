@@ -8,7 +8,7 @@ from evimo.geometry.camera import Camera
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.truth import ObjectTruth, Truth
 
-CAMERA = Camera(70.0, 72.0, 43.0, 25.5, 60, 80, (-0.1, 0.02, 0.0, 0.0))
+CAMERA = Camera(70.0, 72.0, 43.0, 25.5, 60, 80, (-0.1, 0.02, 0.004, -0.003))
 HALF_M = (0.22, 0.16)  # of a board's sides
 SPIN = {1: (0.3, 1.1, -0.4), 2: (-0.6, 0.2, 0.5), 3: (0.0, 0.0, 0.0)}
 PLACE = {1: (-0.25, 0.0, 1.0), 2: (0.3, 0.12, 1.3), 3: (0.1, -0.35, 1.6)}

@@ -106,7 +106,7 @@ def test_defects_of_truth_are_found(tmp_path):
 
 
 def test_a_principal_point_that_is_not_the_datasets_is_said(tmp_path):
-    numbers = {"fx": 70.0, "fy": 72.0, "cx": 43.0, "cy": 25.5, "k1": -0.1, "k2": 0.02, "k3": 0, "k4": 0}
+    numbers = {"fx": 70.0, "fy": 72.0, "cx": 43.0, "cy": 25.5, "k1": -0.1, "k2": 0.02, "k3": 0.004, "k4": -0.003}
     straight = v1_npz(tmp_path / "a.npz", meta=v1_meta(numbers=numbers | {"res_x": 60, "res_y": 80}))
     assert "as written; points that land" in defects(straight)["principal point"]
     assert "principal point" not in defects(v1_npz(tmp_path / "b.npz"))

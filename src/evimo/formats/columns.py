@@ -138,6 +138,21 @@ def check_polarities(path: Path, sample: NDArray[Any]) -> None:
         )
 
 
+def check_lengths(path: Path, lengths: dict[str, int]) -> None:
+    """Refuse columns that hold unequal numbers of values: nothing tells which of them belong together.
+
+    Args:
+        path: of the recording. lengths: what each column was written with, by the name of its array.
+
+    Raises:
+        BadFile: they differ.
+    """
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"{name} {length:,}" for name, length in lengths.items())
+        text = f"{path}: arrays of unequal length ({shown}), so that nothing tells which values are of one event"
+        raise BadFile(text, fix="copy all of them again from one recording, or export it again")
+
+
 def _ranked(sample: NDArray[np.float64], columns: Sequence[int]) -> list[tuple[tuple[bool, ...], str]]:
     """The orders that make sense, the best first."""
     facts = {column: _Column(sample[:, column]) for column in columns}

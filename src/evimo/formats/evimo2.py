@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
-from evimo.formats.columns import check_polarities, signs
+from evimo.formats.columns import check_lengths, check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
-from evimo.formats.npz_members import Archive, array_header
+from evimo.formats.npz_members import Archive, ArrayHeader, array_header
 from evimo.formats.sensors import assumed_sensor, on_sign, whole_pixels
 from evimo.formats.stored_gyroscope import folder_gyroscope
 from evimo.formats.stored_times import StoredTimes
@@ -76,19 +76,31 @@ def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int, on: i
 
 
 def _arrays(folder: Path) -> dict[str, NDArray[Any]]:
-    """The three arrays as maps of the files, cut to the shortest."""
+    """The three arrays as maps of the files; where a file is cut short, all are cut to it.
+
+    Raises:
+        BadFile: they are no such arrays, or were not written together, so that nobody knows which rows belong together.
+    """
     arrays = {name: mapped(folder / f"dataset_events_{name}.npy") for name in ("t", "xy", "p")}
     if arrays["t"].dtype.kind not in "iuf" or arrays["t"].ndim != 1 or arrays["xy"].shape[1:] != (2,):
         kinds = ", ".join(f"{name} {array.dtype} {array.shape}" for name, array in arrays.items())
         raise BadFile(f"{folder}: unexpected arrays ({kinds})", fix="t (N,) seconds, xy (N, 2), p (N,)")
-    lengths = {name: len(array) for name, array in arrays.items()}
-    shortest = min(lengths.values())
+    stated = {f"dataset_events_{name}.npy": _header(folder / f"dataset_events_{name}.npy").shape[0] for name in arrays}
+    check_lengths(folder, stated)
+    shortest = min(len(array) for array in arrays.values())
     if not shortest:
         raise no_events_in(folder)
-    if shortest < max(lengths.values()):
-        text = f"{folder.name}: arrays of unequal length {lengths}: the first {shortest:,} events are used"
+    if shortest < (count := max(stated.values())):
+        text = f"{folder.name} is cut short: the first {shortest:,} events are used, of {count:,}"
         warnings.warn(text, EvimoWarning, stacklevel=4)
     return {name: array[:shortest] for name, array in arrays.items()}
+
+
+def _header(path: Path) -> ArrayHeader:
+    if not path.exists():
+        raise BadFile(f"{path.parent} lacks {path.name}", fix="copy the whole folder of the recording")
+    with path.open("rb") as file:
+        return array_header(file, path.name)
 
 
 def mapped(path: Path) -> NDArray[Any]:
@@ -97,10 +109,7 @@ def mapped(path: Path) -> NDArray[Any]:
     Raises:
         BadFile: no such file, or no array of numbers.
     """
-    if not path.exists():
-        raise BadFile(f"{path.parent} lacks {path.name}", fix="copy the whole folder of the recording")
-    with path.open("rb") as file:
-        header = array_header(file, path.name)
+    header = _header(path)
     columns = header.shape[1:]
     if not header.shape or 0 in columns:
         raise BadFile(f"{path.name} is of shape {header.shape}", fix="copy the recording again")
@@ -171,8 +180,8 @@ def _contents(folder: Path) -> dict[str, str]:
     contents: dict[str, str] = {}
     for name, words in (("depth", "depth maps"), ("mask", "masks"), ("classical", "frames"), ("flow", "flow maps")):
         path = folder / f"dataset_{name}.npz"
-        if path.exists():
-            contents[words] = str(sum(member.startswith(name) for member in Archive(path).names))
+        if path.exists() and (count := sum(member.startswith(name) for member in Archive(path).names)):
+            contents[words] = str(count)  # a camera without frames holds one member `empty`
     if (folder / "dataset_sim.npz").exists():
         contents["truth"] = "exact twists of a simulation"
     if (folder / "dataset_events_id.npy").exists():

@@ -34,6 +34,8 @@ class MetaPoses:
     world_from_cam:  (N, 4, 4), NaN where an entry has none.
     cam_from_object: id to (N, 4, 4), NaN likewise.
     pictures:        N names of pictures of truth; empty where an entry has none.
+    without_cam:     (N,) bool, entries that do not name the camera at all.
+    broken:          (N,) bool, entries with a pose, of anything, that is no rigid motion: NaN or no rotation.
     """
 
     ids: NDArray[np.int64]
@@ -41,6 +43,8 @@ class MetaPoses:
     world_from_cam: F8
     cam_from_object: dict[int, F8]
     pictures: tuple[str, ...]
+    without_cam: NDArray[np.bool_]
+    broken: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -77,6 +81,8 @@ def meta_of(value: Any, where: str) -> Meta:
         text = f"goes back in time, from {times[k] * 1e-6:.6f} s to {times[k + 1] * 1e-6:.6f} s"
         raise BadFile(f"{where}['frames'][{k + 1}] {text}", fix="sort frames, depth and masks by time")
     trajectory = _poses(value.get("full_trajectory") or [], f"{where}['full_trajectory']")
+    if trajectory.without_cam.any():  # an entry is a sample of the camera
+        raise BadFile(f"{where}['full_trajectory'][{int(trajectory.without_cam.argmax())}] lacks 'cam'", fix=COPY)
     return Meta({str(key): number for key, number in camera.items()}, frames, trajectory)
 
 
@@ -141,6 +147,8 @@ def _poses(entries: Any, where: str) -> MetaPoses:
         raise BadFile(f"{where}[{int(np.argmin(np.isfinite(times)))}]['ts'] is no time in seconds", fix=COPY)
     names = sorted({key for entry in entries for key in entry if key in IDS}, key=int)
     poses = {name: _matrices([entry.get(name) for entry in entries], where, name) for name in ("cam", *names)}
+    absent = {name: np.array([entry.get(name) is None for entry in entries], np.bool_) for name in poses}
+    unknown = {name: ~np.isfinite(found).all(axis=(1, 2)) & ~absent[name] for name, found in poses.items()}
     ids = [entry.get("id", k) for k, entry in enumerate(entries)]
     return MetaPoses(
         ids=np.array([each if isinstance(each, int) and abs(each) < 2**62 else -1 for each in ids], np.int64),
@@ -148,6 +156,8 @@ def _poses(entries: Any, where: str) -> MetaPoses:
         world_from_cam=poses["cam"],
         cam_from_object={int(name): poses[name] for name in names},
         pictures=tuple(str(entry.get("gt_frame", "")) for entry in entries),
+        without_cam=absent["cam"],
+        broken=np.logical_or.reduce(list(unknown.values())),
     )
 
 

@@ -4,7 +4,6 @@ DSEC, TUM-VIE and M3ED have four arrays in a group, Prophesee an array of fields
 found by the names of what they hold, wherever they lie.
 """
 
-import warnings
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -14,8 +13,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, EvimoWarning, MissingExtra
-from evimo.formats.columns import LETTERS, found_columns, named_columns, said_columns
+from evimo.errors import BadFile, MissingExtra
+from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, said_columns
 from evimo.formats.sensors import sensor_size
 
 ECF = 36559
@@ -81,12 +80,8 @@ def _of_group(path: Path, name: str, group: Any) -> EventTable | None:
     if (order := named_columns(arrays)) is None:
         return None
     columns: dict[str, tuple[Any, str | int]] = {letter: (group[arrays[order.index(letter)]], "") for letter in LETTERS}
-    lengths = {array.name: len(array) for array, _ in columns.values()}
-    if len(set(lengths.values())) > 1:
-        shown = ", ".join(f"{array} {length:,}" for array, length in lengths.items())
-        text = f"{path.name}: arrays of unequal length ({shown}): the first {min(lengths.values()):,} events are used"
-        warnings.warn(text, EvimoWarning, stacklevel=5)
-    return EventTable(name or "/", columns, min(lengths.values()))
+    check_lengths(path, {array.name: len(array) for array, _ in columns.values()})
+    return EventTable(name or "/", columns, len(columns["t"][0]))
 
 
 def _is_column(there: Any) -> bool:

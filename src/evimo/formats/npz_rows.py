@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
-from evimo.formats.columns import LETTERS, found_columns, named_columns, said_columns
+from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, said_columns
 from evimo.formats.npz_members import Archive, ArrayHeader, Stream, skip
 
 BLOCK_ROWS = 1 << 16
@@ -21,7 +21,7 @@ class NpzRows:
     """Where an archive holds its events: rows or fields of one array `events`, or four arrays.
 
     Raises:
-        BadFile: it holds neither.
+        BadFile: it holds neither, or arrays of unequal length.
     """
 
     def __init__(self, archive: Archive, columns: str | None) -> None:
@@ -37,7 +37,9 @@ class NpzRows:
                     f"{archive.path.name} holds no array `events`, only {held}", fix="save the rows t x y p as `events`"
                 )
             self._headers = {named[letter]: archive.header(named[letter]) for letter in LETTERS}
-        self.count = min(header.shape[0] if header.shape else 0 for header in self._headers.values())
+        lengths = {name: header.shape[0] if header.shape else 0 for name, header in self._headers.items()}
+        check_lengths(archive.path, lengths)
+        self.count = min(lengths.values())
 
     def blocks(self, row: int = 0) -> Iterator[tuple[int, Columns]]:
         """The events from a row on, in blocks: (first row, columns t x y p as stored)."""

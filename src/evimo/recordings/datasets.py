@@ -30,6 +30,7 @@ from evimo.recordings.pose_words import in_own_axes
 
 Arrays = dict[str, NDArray[Any]]
 HEADER_BYTES = 128  # of an array file; there is no more of the events of a camera that takes frames
+UNKNOWN = "a pose or a motion that is not known"
 DatasetLayout = Literal["EV-IMO npz", "EVIMO2 npz", "EV-IMO text", "EVIMO2 folder"]
 
 
@@ -177,24 +178,27 @@ def _value(archive: Archive) -> Any:
 
 
 def parts_of(dataset: Dataset, paths: Paths) -> DatasetParts:
-    """The recording's parts, its frames being those whose truth is known; a warning says of the others.
+    """The recording's parts, its frames being those whose truth is known; a warning counts the others and says why.
 
     Raises:
-        BadFile: none is.
+        BadFile: none is, or a frame has maps and no pose of the camera.
     """
     entries = dataset.meta.frames
     placed = dataset.poses(entries)[1]
     mapped = np.array([dataset.maps.has(k) for k in range(len(entries))], np.bool_)
+    if (posed := mapped & entries.without_cam).any():
+        text = f"{dataset.where}['frames'][{int(posed.argmax())}] has maps, and lacks 'cam', the camera's pose"
+        raise BadFile(text, fix="copy it again from the dataset")
     listed = {key: np.isfinite(poses).all(axis=(1, 2)) for key, poses in placed.items()}
-    mapped &= np.append(True, np.diff(entries.times_us) > 0)[: len(entries)]  # one that is there twice
+    twice = mapped & ~np.append(True, np.diff(entries.times_us) > 0)[: len(entries)]
     exact = paths.motions(entries.times_us)
-    known = mapped & np.isfinite(exact["ego"]).all(axis=1)
+    known = np.isfinite(exact["ego"]).all(axis=1) & ~entries.broken
     for column, key in enumerate(paths.object_ids):
         known &= ~listed.get(key, np.zeros_like(known)) | np.isfinite(exact["velocities"][:, column]).all(axis=1)
-    if left := int(np.count_nonzero(mapped & ~known)):
-        text = f"{dataset.path}: {left} of {len(entries)} frames are left out: a motion in them is not known"
-        warnings.warn(text, EvimoWarning, stacklevel=4)
-    frames = np.flatnonzero(known)
+    _say_left_out(
+        dataset.path, len(entries), {"no maps": ~mapped, "another's time": twice, UNKNOWN: mapped & ~twice & ~known}
+    )
+    frames = np.flatnonzero(mapped & ~twice & known)
     if not len(frames):
         raise BadFile(f"{dataset.path} has no frame with maps and known motion", fix="evimo check says what is wrong")
     for column, key in enumerate(paths.object_ids):  # the very poses that the maps were rendered with
@@ -205,3 +209,11 @@ def parts_of(dataset: Dataset, paths: Paths) -> DatasetParts:
                 exact[name][~listed[key], column] = np.nan
     cut = {name: values if name == "object_ids" else values[frames] for name, values in exact.items()}
     return DatasetParts(dataset.path, dataset.maps, frames, dataset.camera(), cut)
+
+
+def _say_left_out(path: Path, count: int, why: dict[str, NDArray[np.bool_]]) -> None:
+    """Warn of frames that are not used, with a count for each reason."""
+    counts = {reason: int(np.count_nonzero(which)) for reason, which in why.items()}
+    if left := sum(counts.values()):
+        reasons = ", ".join(f"{number} with {reason}" for reason, number in counts.items() if number)
+        warnings.warn(f"{path}: {left} of {count} frames are left out: {reasons}", EvimoWarning, stacklevel=4)
