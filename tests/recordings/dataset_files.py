@@ -200,7 +200,7 @@ def array_message(part):
     )
 
 
-def v1_bag(folder, *, lost=()):
+def v1_bag(folder, *, lost=(), rig_as=lambda pose: pose):
     """EV-IMO's bag with its three text files; object 2 is occluded from and to these times, µs."""
     folder.mkdir(parents=True)
     types = get_typestore(Stores.ROS1_NOETIC)
@@ -221,7 +221,7 @@ def v1_bag(folder, *, lost=()):
         # The dataset's clock begins when the first message was received, and poses are shifted by the offset.
         at_us = t + EPOCH_US + RECEIVED_US - round(OFFSET_S * 1e6)
         rig = track.world_from_cam[k] @ np.linalg.inv(extrinsic)
-        messages.append((at_us, "/vicon/DVS346", subject(at_us, "DVS346", rig)))
+        messages.append((at_us, "/vicon/DVS346", subject(at_us, "DVS346", rig_as(rig))))
         for column, name in enumerate(("Object_1", "Object_2")):
             body = track.world_from_cam[k] @ track.cam_from_object[k, column]
             hidden = bool(column == 1 and lost and lost[0] <= t < lost[1])

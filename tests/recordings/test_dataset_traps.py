@@ -4,6 +4,7 @@ The others have their tests beside what they concern, in test_datasets.py and te
 """
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,17 +18,19 @@ from tests.recordings.dataset_files import (
     renamed,
     v1_meta,
     v1_npz,
+    v1_numbers,
     v1_text,
     v2_folder,
     v2_meta,
     v2_npz,
 )
-from tests.recordings.known_scene import poses
+from tests.recordings.known_scene import CAMERA, HALF_M, poses, truth
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import joined
 from evimo.formats import open_events
 from evimo.recordings.checking import findings
+from evimo.recordings.dataset_cameras import AS_WRITTEN, RENDERED, as_drawn
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.pose_words import frame_words, trajectory_words
 from evimo.recordings.recording import open_recording
@@ -209,3 +212,51 @@ def test_frames_that_evimo2_flags_are_left_out_and_counted(tmp_path):
     with pytest.warns(EvimoWarning, match="3 of 18 frames are left out: 3 with no maps"):
         recording = open_recording(v2_folder(tmp_path / "a", unknown=(0, 5, 6)))
     np.testing.assert_array_equal(recording.times_us, np.delete(TIMES_US, (0, 5, 6)))
+
+
+# ---- the renderer's half pixel ---------------------------------------------------------------------------------------
+
+PINHOLE = replace(CAMERA, distortion=())
+
+
+def drawn(t_us, convention):
+    """Ids by the datasets' own projector: points of the boards, cut off to pixels; in the first version from its axes.
+
+    That takes x up, y left and z backward, applies `fx` and `cx` to rows, and counts from the far end.
+    """
+    track, numbers = poses([t_us]), v1_numbers(replace(CAMERA, distortion=(0.0,) * 4))
+    nearest, ids = np.full(CAMERA.size, np.inf), np.zeros(CAMERA.size, np.uint8)
+    across, down = np.meshgrid(*(np.linspace(-half, half, 700) for half in HALF_M))
+    board = np.stack((across.ravel(), down.ravel(), np.zeros(across.size), np.ones(across.size)))
+    for column in range(3):
+        x, y, z, _ = track.cam_from_object[0, column] @ board
+        if convention == RENDERED:
+            up, left = -y / z, -x / z
+            row = CAMERA.height - 1 - np.trunc(numbers["fx"] * up + numbers["cx"]).astype(int)
+            col = CAMERA.width - 1 - np.trunc(numbers["fy"] * left + numbers["cy"]).astype(int)
+        else:
+            col = np.trunc(CAMERA.fx * x / z + CAMERA.cx).astype(int)
+            row = np.trunc(CAMERA.fy * y / z + CAMERA.cy).astype(int)
+        order = np.argsort(-z)
+        assert col.min() > 0 and row.min() > 0 and col.max() < CAMERA.width and row.max() < CAMERA.height
+        fresh = np.full(CAMERA.size, np.inf)
+        fresh[row[order], col[order]] = z[order]
+        ids[fresh < nearest] = column + 1
+        nearest = np.minimum(nearest, fresh)
+    return ids
+
+
+@pytest.mark.parametrize("convention", [AS_WRITTEN, RENDERED])
+def test_maps_show_what_is_half_a_pixel_beside(convention):
+    """Where the middle of everything seen lies: with the datasets' projector, and by rays through pixel centres."""
+    made = drawn(200_000, convention)
+    middle = lambda ids: np.argwhere(ids > 0).mean(axis=0)  # noqa: E731
+    half, plain = (truth(200_000, camera=each).ids for each in (as_drawn(PINHOLE, convention), PINHOLE))
+    np.testing.assert_allclose(middle(made), middle(half), atol=0.1)
+    np.testing.assert_allclose(np.abs(middle(made) - middle(plain)), 0.5, atol=0.2)
+
+
+@pytest.mark.parametrize(("layout", "side"), [("EV-IMO npz", "left of and above"), ("EVIMO2 folder", "right of and")])
+def test_the_half_pixel_is_said(tmp_path, layout, side):
+    words, defect = found(EVERY[layout](tmp_path, None), "half a pixel")
+    assert side in words and not defect

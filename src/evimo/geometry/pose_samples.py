@@ -12,6 +12,7 @@ I8 = NDArray[np.int64]
 BRIDGED_US = 50_000  # the longest gap that is bridged
 FASTEST_MPS, FASTEST_RADPS = 9.0, 2 * math.pi * 6.25  # nothing that a hand moves is faster
 BRIEF = 5  # so few samples between two jumps are bad; more are somewhere else
+FARTHEST_M = 1e9  # of the world's origin; a number beyond is damage
 NOT_RIGID = 1e-3  # of a rotation's columns against unit length and right angles
 
 
@@ -68,8 +69,8 @@ def _rising(times_us: I8) -> NDArray[np.bool_]:
 
 
 def _rigid(poses: F8) -> NDArray[np.bool_]:
-    """Which matrices (N, 4, 4) are finite, and rotations beside a translation."""
-    finite = np.isfinite(poses.reshape(-1, 16)).all(axis=-1).reshape(-1)
+    """Which matrices (N, 4, 4) are finite, and rotations beside a translation that something can have."""
+    finite = (np.abs(poses) < FARTHEST_M).all(axis=(1, 2))
     rotation = np.where(finite[:, None, None], poses[:, :3, :3], 0)
     square = rotation @ np.swapaxes(rotation, 1, 2)
     right = np.abs(square - np.eye(3)).max(axis=(1, 2), initial=0) < NOT_RIGID

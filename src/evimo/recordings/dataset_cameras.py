@@ -5,7 +5,7 @@ and columns from the far end; whether its intrinsics were meant so is an open qu
 object, carried from one frame to another by the poses, land on the object again only with the right principal point.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,18 @@ def camera_of(numbers: dict[str, Any], size: tuple[int, int], convention: str, w
         raise BadFile(f"{where}['meta'] holds no camera: {why}", fix=COPY) from error
 
 
-def is_first_version(numbers: dict[str, Any], size: tuple[int, int]) -> bool:
+def as_drawn(camera: Camera, convention: str) -> Camera:
+    """The camera whose pixel centres a dataset's maps show: its renderer cuts coordinates off instead of rounding them.
+
+    So pixel k of a map shows what `meta`'s camera sees at k + 1/2, and at k - 1/2 where rows and columns are counted
+    from the far end. It is for where maps meet poses. Against events nothing is shifted: extrinsics were tuned by eye
+    on pictures drawn so, in steps of a quarter of a pixel or more, and whether that took the half back no file tells.
+    """
+    half = 0.5 if convention in (MIRRORED, RENDERED) else -0.5
+    return replace(camera, cx=camera.cx + half, cy=camera.cy + half)
+
+
+def is_first_version(numbers: dict[str, Any], size: tuple[int, int], where: str) -> bool:
     """Whether `meta` is of EV-IMO's first version, whose `res_x` is the height.
 
     Raises:
@@ -78,7 +89,7 @@ def is_first_version(numbers: dict[str, Any], size: tuple[int, int]) -> bool:
     if stated == (None, None):
         return "dist_model" not in numbers
     if stated not in (size, size[::-1]):
-        raise BadFile(f"`meta` says {stated[0]}x{stated[1]} px, the maps are {size[1]}x{size[0]}", fix=COPY)
+        raise BadFile(f"{where} says {stated[0]}x{stated[1]} px, the maps are {size[1]}x{size[0]}", fix=COPY)
     return "dist_model" not in numbers if size[0] == size[1] else stated == size
 
 

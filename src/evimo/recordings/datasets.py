@@ -20,6 +20,7 @@ from evimo.recordings.dataset_cameras import (
     RENDERED,
     SWAPPED,
     PrincipalTest,
+    as_drawn,
     camera_of,
     is_first_version,
     principal_test,
@@ -112,7 +113,8 @@ class Dataset:
     def test(self) -> PrincipalTest:
         """Which principal point the maps and poses belong to."""
         frames = [k for k in range(len(self.meta.frames)) if self.maps.has(k)]
-        return principal_test(self.maps, self.poses(self.meta.frames)[1], self.conventions(), frames)
+        drawn = {name: as_drawn(camera, name) for name, camera in self.conventions().items()}
+        return principal_test(self.maps, self.poses(self.meta.frames)[1], drawn, frames)
 
     def camera(self) -> Camera:
         """The camera: of version 1 by the convention that its own frames agree with."""
@@ -165,7 +167,7 @@ def open_dataset(path: Path, layout: DatasetLayout) -> Dataset:
         if len(archived) != len(meta.frames):
             text = f"{path}: `depth` and `mask` hold {len(archived)} maps, `meta` {len(meta.frames)} frames"
             raise BadFile(text, fix="copy the file again from the dataset")
-    first = is_first_version(meta.camera, maps.size)
+    first = is_first_version(meta.camera, maps.size, f"meta of {path}")
     if layout == "EV-IMO npz" and not first:
         layout = "EVIMO2 npz"
     return Dataset(path, layout, maps, meta, first)
