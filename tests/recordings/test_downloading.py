@@ -5,6 +5,7 @@ import hashlib
 import re
 import ssl
 import threading
+import time
 from http.client import HTTPResponse
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -21,7 +22,8 @@ class Server:
     """What it holds, what it was asked for, and after how many bytes it breaks off."""
 
     def __init__(self):
-        self.files, self.ranges, self.most = {}, [], None
+        self.files, self.ranges, self.most, self.resumes = {}, [], None, "yes"
+        self.held = threading.Event()  # while it is set, an answer waits after half
         outer = self
 
         class Handler(BaseHTTPRequestHandler):
@@ -32,15 +34,19 @@ class Server:
                     return
                 asked = self.headers.get("Range")
                 outer.ranges.append(asked)
-                start = int(re.fullmatch(r"bytes=(\d+)-", asked)[1]) if asked else 0
+                start = int(re.fullmatch(r"bytes=(\d+)-", asked)[1]) if asked and outer.resumes == "yes" else 0
                 if start >= len(content):
                     self.send_error(416)
                     return
-                self.send_response(206 if asked else 200)
+                self.send_response(206 if asked and outer.resumes != "no" else 200)
                 self.send_header("Content-Length", str(len(content) - start))
+                self.send_header("Content-Range", f"bytes {start}-{len(content) - 1}/{len(content)}")
                 self.end_headers()
                 stop = len(content) if outer.most is None else start + outer.most
-                self.wfile.write(content[start:stop])
+                self.wfile.write(content[start : start + 1000])
+                while outer.held.is_set():
+                    time.sleep(0.02)
+                self.wfile.write(content[start + 1000 : stop])
 
             def log_message(self, *_):
                 pass
@@ -78,7 +84,8 @@ def test_a_broken_connection_is_gone_on_with(server, tmp_path, capsys):
     server.most = 120_000
     assert fetched(server, tmp_path) == 2
     assert not (tmp_path / "eval_box_npz.tar.gz").exists()
-    assert "goes on where it stopped" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "broke off: eval_box_npz.tar.gz stopped after 120,000 of 2" in said and "goes on where it stopped" in said
     assert fetched(server, tmp_path) == 0
     assert server.ranges == [None, "bytes=120000-"]
     assert (tmp_path / "eval_box_npz.tar.gz").read_bytes() == CONTENT
@@ -127,12 +134,48 @@ def test_a_fault_of_ssl_on_the_way_is_the_networks_not_the_disks(server, tmp_pat
             patched.setattr(HTTPResponse if name == "read" else downloading, name, broken)
             assert fetched(server, tmp_path) == 2
         said = capsys.readouterr().err
-        assert "no network" in said and "record layer failure" in said and "cannot be written" not in said
+        words = "the connection to 127.0.0.1 broke off" if name == "read" else "no network"
+        assert words in said and "record layer failure" in said and "cannot be written" not in said
 
 
 def test_what_is_not_there_is_said(server, tmp_path, capsys):
     assert fetched(server, tmp_path, "eval/wall") == 2
-    assert "404" in capsys.readouterr().err
+    assert re.search(r"the server says 404 .*\n  try: another --kind or --mirror", capsys.readouterr().err)
     assert fetched(server, tmp_path, "eval/moon") == 2
     assert "no archive 'eval/moon'" in capsys.readouterr().err
     assert main(["download", "--mirror", "file:///etc"]) == 2
+
+
+@pytest.mark.parametrize("resumes", ["no", "it says so"])
+def test_a_server_that_cannot_go_on_sends_it_all_again(server, tmp_path, capsys, resumes):
+    """One that ignores what is asked for; and one that says that it goes on, and sends all."""
+    server.most, server.resumes = 120_000, resumes
+    assert fetched(server, tmp_path) == 2
+    server.most = None
+    assert fetched(server, tmp_path) == 0
+    assert "120,000 bytes are fetched again" in capsys.readouterr().err
+    assert (tmp_path / "eval_box_npz.tar.gz").read_bytes() == CONTENT
+
+
+def test_a_server_that_falls_silent_is_one_error(server, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(downloading, "TIMEOUT_S", 0.3)
+    server.held.set()
+    assert fetched(server, tmp_path) == 2
+    server.held.clear()
+    assert "the connection to 127.0.0.1 broke off: timed out" in capsys.readouterr().err
+
+
+def test_two_at_once_do_not_write_to_one_file(server, tmp_path, capsys):
+    server.held.set()
+    codes = []
+    first = threading.Thread(target=lambda: codes.append(fetched(server, tmp_path)))
+    first.start()
+    while not server.ranges:
+        time.sleep(0.01)
+    assert fetched(server, tmp_path) == 2
+    server.held.clear()
+    first.join()
+    assert codes == [0]
+    assert "another process fetches eval_box_npz.tar.gz" in capsys.readouterr().err
+    assert (tmp_path / "eval_box_npz.tar.gz").read_bytes() == CONTENT
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["SHA256SUMS", "eval_box_npz.tar.gz"]

@@ -3,18 +3,21 @@
 import gzip
 import hashlib
 import os
+import re
 import shutil
+import warnings
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from http.client import HTTPException
+from http.client import HTTPException, HTTPResponse
 from pathlib import Path
 from typing import Any, Literal
 from urllib.error import HTTPError, URLError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
-from evimo.errors import BadFile, BadInput, EvimoError
+from evimo.errors import BadFile, BadInput, EvimoError, EvimoWarning
+from evimo.locks import locked, remove
 from evimo.recordings.splits import splits
 from evimo.writing import save_text
 
@@ -23,6 +26,7 @@ HOST = "https://obj.umiacs.umd.edu"
 SUMS = "SHA256SUMS"
 CHUNK_BYTES = 1 << 20
 TIMEOUT_S = 30
+PASSING = (408, 425, 429)  # what a server says that may say otherwise later
 AGAIN = "the same command again, which goes on where it stopped"
 
 # GB as the dataset's page rounds them: bags, npz, text.
@@ -89,55 +93,81 @@ def fetch(archive: DatasetArchive, folder: Path, progress: Callable[[int], objec
         archive: to fetch. folder: for it, which exists. progress: gets bytes as they arrive, those from before first.
 
     Raises:
-        EvimoError: no network, or the server does not have it. BadFile: it arrived damaged. BadInput: the disk is full.
+        EvimoError: no network, or the server does not have it. BadFile: it arrived damaged. BadInput: the disk is full,
+            or another process fetches the same archive.
     """
-    target, part = folder / archive.file, folder / f"{archive.file}.part"
-    if target.exists():
-        progress(target.stat().st_size)
+    fetching = folder / f".{archive.file}.fetching"
+    fetching.mkdir(exist_ok=True)
+    if (lock := locked(fetching, unsure=True)) is None:
+        raise BadInput(f"another process fetches {archive.file} to {folder}", fix="wait for it, or another --out")
+    try:
+        target = folder / archive.file
+        if target.exists():
+            progress(target.stat().st_size)
+        else:
+            _fetch_anew(archive, target, progress)
         _check_sum(target)
         return target
+    finally:
+        remove(fetching, lock)
+
+
+def _fetch_anew(archive: DatasetArchive, target: Path, progress: Callable[[int], object]) -> None:
+    part, host = target.with_name(f"{target.name}.part"), urlsplit(archive.url).hostname
     have = part.stat().st_size if part.exists() else 0
     try:
-        _append(archive, part, have, progress)
+        answer = _asked(archive, have)
     except HTTPError as error:
-        raise EvimoError(f"{archive.url}: the server says {error.code} {error.reason}", fix=AGAIN) from error
+        fix = AGAIN if error.code in PASSING or error.code >= 500 else "another --kind or --mirror"
+        raise EvimoError(f"{archive.url}: the server says {error.code} {error.reason}", fix=fix) from error
     except (URLError, HTTPException, TimeoutError, ConnectionError) as error:
-        host, why = urlsplit(archive.url).hostname, getattr(error, "reason", error)
+        why = getattr(error, "reason", error)
         raise EvimoError(f"no network: {host} cannot be reached ({why})", fix=AGAIN) from error
+    try:
+        if answer is None:
+            progress(have)
+        else:
+            _append(answer, part, have, progress)
+    except (HTTPException, TimeoutError, ConnectionError) as error:
+        raise EvimoError(f"the connection to {host} broke off: {error}", fix=AGAIN) from error
     except OSError as error:
         raise BadInput(f"{part} cannot be written: {error.strerror}", fix="more room on the disk") from error
     _check_content(part)
     os.replace(part, target)
-    _check_sum(target)
-    return target
 
 
-def _append(archive: DatasetArchive, part: Path, have: int, progress: Callable[[int], object]) -> None:
-    """Write what is missing behind what is there."""
+def _asked(archive: DatasetArchive, have: int) -> HTTPResponse | None:
+    """The server's answer, asked for what is missing; None where nothing is."""
     request = Request(archive.url, headers={"Range": f"bytes={have}-"} if have else {})
     try:
-        answer = _arrived(lambda: urlopen(request, timeout=TIMEOUT_S))
+        return _arrived(lambda: urlopen(request, timeout=TIMEOUT_S))
     except HTTPError as error:
-        if have and error.code == 416:  # nothing is missing
-            progress(have)
-            return
+        if have and error.code == 416:
+            return None
         raise
+
+
+def _append(answer: HTTPResponse, part: Path, have: int, progress: Callable[[int], object]) -> None:
+    """Write what arrives behind what is there, or anew where the server sends it from its beginning."""
     with answer:
-        goes_on = answer.status == 206
-        kept = have if goes_on else 0
+        said = answer.headers.get("Content-Range") or f"bytes {have}-"
+        kept = have if answer.status == 206 and re.match(rf"bytes {have}-", said) else 0
+        if kept < have:
+            text = f"the server sends {part.stem} from its beginning: {have:,} bytes are fetched again"
+            warnings.warn(text, EvimoWarning, stacklevel=4)
         length = answer.headers.get("Content-Length") or ""
         total = kept + (int(length) if length.isdecimal() else 0)
         free = shutil.disk_usage(part.parent).free
         if total - kept > free:
-            text = f"{archive.file} needs {(total - kept) / 1e9:.1f} GB, {part.parent} has {free / 1e9:.1f} GB"
+            text = f"{part.stem} needs {(total - kept) / 1e9:.1f} GB, {part.parent} has {free / 1e9:.1f} GB"
             raise BadInput(text, fix="another --out, or more room on the disk")
         progress(kept)
-        with part.open("ab" if goes_on else "wb") as file:
+        with part.open("ab" if kept else "wb") as file:
             while chunk := _arrived(lambda: answer.read(CHUNK_BYTES)):
                 file.write(chunk)
                 progress(len(chunk))
     if total and part.stat().st_size < total:
-        raise ConnectionError(f"{archive.file} stopped after {part.stat().st_size:,} of {total:,} bytes")
+        raise ConnectionError(f"{part.stem} stopped after {part.stat().st_size:,} of {total:,} bytes")
 
 
 def _arrived(from_network: Callable[[], Any]) -> Any:
