@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from evimo.captures import mocap
 from evimo.captures.mocap import load_markers, load_tracks
-from evimo.errors import BadFile, NotFound
+from evimo.errors import BadFile, EvimoWarning, NotFound
 
 
 def write_csv(path, poses):
@@ -59,6 +59,48 @@ def test_rows_out_of_order_and_twice_are_sorted_and_taken_once(tmp_path):
     track = load_tracks(tmp_path / "rig.txt")["rig"]
     assert track.times_us.tolist() == [0, 10_000, 20_000]
     assert track.position[:, 0].tolist() == [1, 2, 3]
+
+
+def restarted(kept, again):
+    """Times of a clock that starts again after so many samples of 5 ms, and where a body is: it goes on and on."""
+    times_us = np.append(5000 * np.arange(kept), 5000 * np.arange(again) + 2000)
+    return times_us, np.arange(kept + again) * 0.001
+
+
+@pytest.mark.parametrize("name", ["rig.txt", "rig.csv"])
+def test_where_the_clock_of_motion_capture_starts_again_a_track_ends(tmp_path, name):
+    """As recordings of events do: the two parts, sorted into each other, would be of a body in two places at once."""
+    times_us, x = restarted(500, 300)
+    gap, head = (" ", "") if name.endswith("txt") else (",", "t,x,y,z,qx,qy,qz,qw\n")
+    rows = [gap.join(map(str, (t * 1e-6, place, 0, 0, 0, 0, 0, 1))) for t, place in zip(times_us, x, strict=True)]
+    (tmp_path / name).write_text(head + "\n".join(rows))
+    with pytest.warns(EvimoWarning, match="clock of motion capture starts again after 2495000 µs: the 300 samples"):
+        track = load_tracks(tmp_path / name)["rig"]
+    np.testing.assert_array_equal(track.times_us, times_us[:500])
+    np.testing.assert_allclose(track.position[:, 0], x[:500], atol=1e-9)
+    (tmp_path / name).write_text(head + "\n".join(rows[200:]))
+    assert len(load_tracks(tmp_path / name)["rig"]) == 300
+    (tmp_path / name).write_text(head + "\n".join(rows[210:]))
+    with pytest.raises(BadFile, match=r"300 of 590 samples\n  try: split the file where it does"):
+        load_tracks(tmp_path / name)
+    (tmp_path / name).write_text(head + "\n".join(rows[250:500] + rows[:250]))  # in another order, and no restart
+    np.testing.assert_allclose(load_tracks(tmp_path / name)["rig"].position[:, 0], x[:500], atol=1e-9)
+
+
+def test_markers_end_where_their_clock_starts_again_and_may_lie_one_after_another(tmp_path):
+    times_us, x = restarted(500, 300)
+    line = lambda name, k: f"{times_us[k]},Rig,{name},{x[k]},0,{'ab'.index(name)}"  # noqa: E731
+    head, path = "t_us,body,marker,x,y,z\n", tmp_path / "markers.csv"
+    path.write_text(head + "\n".join(line(name, k) for name in "ab" for k in range(500)))
+    one = load_markers(path)["Rig"]
+    assert one.visible.all() and len(one) == 500
+    path.write_text(head + "\n".join(line(name, k) for k in range(800) for name in "ab"))
+    with pytest.warns(EvimoWarning, match="markers of body 'Rig'.*starts again after 2495000 µs: the 600 samples"):
+        two = load_markers(path)["Rig"]
+    seen = two.visible.all(axis=1)
+    np.testing.assert_array_equal(two.times_us[seen], one.times_us)
+    np.testing.assert_array_equal(two.position[seen], one.position)
+    assert not two.visible[~seen].any()
 
 
 def test_markers_of_bags_and_of_csv_are_the_same(tmp_path, poses, vicon_bag):

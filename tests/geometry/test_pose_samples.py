@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evimo.geometry.pose_samples import checked_samples
+from evimo.geometry.pose_samples import checked_samples, restart_of
 
 
 def resting(times_us: np.ndarray) -> np.ndarray:
@@ -42,7 +42,27 @@ def test_as_few_as_possible_are_bad():
         assert np.count_nonzero(good) == most and (np.diff(times_us[good]) > 0).all()
 
 
-def test_a_clock_that_starts_again_costs_the_shorter_part():
+def test_a_clock_that_starts_again_costs_what_follows():
+    times_us = np.append(np.arange(500), np.arange(600)).astype(np.int64) * 5_000
+    assert restart_of(times_us) == 500
+    assert np.flatnonzero(checked_samples(times_us, resting(times_us))).tolist() == list(range(500))
+
+
+@pytest.mark.parametrize("order", ["parts", "lone stamps", "shuffled", "late block"])
+def test_what_is_only_out_of_order_is_no_restart(order):
+    times_us = np.arange(1000, dtype=np.int64) * 5_000
+    if order == "parts":
+        times_us = np.append(times_us[600:], times_us[:600])
+    elif order == "lone stamps":
+        times_us[[300, 500, 501]] += np.array([10**9, -(10**9), -2_000_000])
+    elif order == "shuffled":
+        times_us = np.random.default_rng(0).permutation(times_us)
+    else:
+        times_us[400:450] -= 900_000
+    assert restart_of(times_us) == 1000
+
+
+def test_of_parts_in_another_order_the_longer_is_believed():
     times_us = np.append(np.arange(100, 130), np.arange(70)).astype(np.int64) * 5_000
     assert np.flatnonzero(checked_samples(times_us, resting(times_us))).tolist() == list(range(30, 100))
 

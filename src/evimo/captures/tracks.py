@@ -1,5 +1,6 @@
 """What motion capture gives: where each body was, and where its markers were."""
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -7,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from evimo.errors import BadFile
+from evimo.errors import BadFile, EvimoWarning
+from evimo.geometry.pose_samples import restart_of
 
 F8 = NDArray[np.float64]
 
@@ -93,8 +95,12 @@ def track_of(body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray
 
     poses: (M, 7) x y z in m and quaternion x y z w. Samples that are not finite, or whose quaternion is of no length,
         count as not tracked: many programs write zeros where they see nothing.
+
+    Raises:
+        BadFile: the clock starts again before half of the samples.
     """
     if not (np.diff(times_us) > 0).all():
+        times_us = times_us[: _until_restart(body, times_us)]
         times_us, rows = np.unique(times_us, return_index=True)
         poses, tracked = poses[rows], tracked[rows]
     length = np.linalg.norm(poses[:, 3:], axis=1)
@@ -114,8 +120,10 @@ def markers_of(body: str, times_us: NDArray[np.int64], names: tuple[str, ...], p
         places: of any of them at any instant, in any order.
 
     Raises:
-        BadFile: hardly any marker is there at hardly any instant, as where each sighting got a name of its own.
+        BadFile: hardly any marker is there at hardly any instant, as where each sighting got a name of its own; or the
+            clock starts again before half of the sightings.
     """
+    places = _before_restart(body, times_us, places)
     order, row = np.unique(times_us, return_inverse=True)
     if len(order) * len(names) > MOST_CELLS + SPARSEST * len(places.marker):
         text = f"markers of body {body!r} have {len(names):,} names, most of them at few of {len(order):,} instants"
@@ -126,3 +134,37 @@ def markers_of(body: str, times_us: NDArray[np.int64], names: tuple[str, ...], p
     seen = places.visible & np.isfinite(places.position).all(axis=1)
     position[at], visible[at] = np.where(seen[:, None], places.position, 0), seen
     return MarkerTracks(body, names, order, position, visible)
+
+
+def _before_restart(body: str, times_us: NDArray[np.int64], places: MarkerPlaces) -> MarkerPlaces:
+    """Sightings of markers without those after the clock starts again: of each marker, in the order of the file."""
+    stamps_us, kept = times_us[places.instant], np.ones(len(places.marker), np.bool_)
+    if (np.diff(stamps_us) >= 0).all():
+        return places
+    for marker in np.unique(places.marker):  # a file may have one marker after another
+        mine = np.flatnonzero(places.marker == marker)
+        kept[mine[restart_of(stamps_us[mine]) :]] = False
+    if not kept.all():
+        _say_restart(f"markers of body {body!r}", kept, int(stamps_us[kept].max()))
+    return MarkerPlaces(*(column[kept] for column in places))
+
+
+def _until_restart(body: str, times_us: NDArray[np.int64]) -> int:
+    """How many samples there are until the clock starts again."""
+    at = restart_of(times_us)
+    if at < len(times_us):
+        _say_restart(f"body {body!r}", np.arange(len(times_us)) < at, int(times_us[at - 1]))
+    return at
+
+
+def _say_restart(what: str, kept: NDArray[np.bool_], last_us: int) -> None:
+    """Say, as of events, what is dropped after a clock started again; most of a file is not.
+
+    Raises:
+        BadFile: it would be more than half.
+    """
+    lost, text = int(np.count_nonzero(~kept)), f"{what}: the clock of motion capture starts again after {last_us} µs"
+    if 2 * lost > len(kept):
+        raise BadFile(f"{text}, with {lost:,} of {len(kept):,} samples", fix="split the file where it does")
+    text = f"{text}: the {lost:,} samples from there on were dropped (split the file there to read them)"
+    warnings.warn(text, EvimoWarning, stacklevel=5)

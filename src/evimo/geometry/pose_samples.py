@@ -12,6 +12,8 @@ I8 = NDArray[np.int64]
 BRIDGED_US = 50_000  # the longest gap that is bridged
 FASTEST_MPS, FASTEST_RADPS = 9.0, 2 * math.pi * 6.25  # nothing that a hand moves is faster
 BRIEF = 5  # so few samples between two jumps are bad; more are somewhere else
+RESTART_US = 1_000_000  # back, at least, where a clock starts again; what is less is disorder
+STEADY = 10  # samples that rise to both sides of such a place
 FARTHEST_M = 1e9  # of the world's origin; a number beyond is damage
 NOT_RIGID = 1e-3  # of a rotation's columns against unit length and right angles
 
@@ -19,10 +21,11 @@ NOT_RIGID = 1e-3  # of a rotation's columns against unit length and right angles
 def checked_samples(times_us: I8, poses: F8) -> NDArray[np.bool_]:
     """Which samples (N,) are rigid motions, in order of time, and do not jump there and back.
 
-    Of those out of order as few as possible are bad: one lone stamp, be it early or late, is alone in being so; of a
-    clock that starts again the longer part is kept.
+    Of those out of order as few as possible are bad: one lone stamp, be it early or late, is alone in being so. Where
+    the clock starts again, all samples from there on are bad.
     """
     good = _rigid(poses)
+    good[restart_of(times_us) :] = False
     good[good] = _rising(times_us[good])
     while True:
         kept = np.flatnonzero(good)
@@ -41,6 +44,19 @@ def pieces_of(times_us: I8, poses: F8, bridged_us: int) -> I8:
     """The number of the piece that each sample belongs to; a long gap or a jump begins a new one."""
     broken = (np.diff(times_us) > bridged_us) | _jumps(times_us, poses)
     return np.cumsum(np.append(0, broken))[: len(times_us)].astype(np.int64)
+
+
+def restart_of(times_us: I8) -> int:
+    """The first of the samples (N,) from which on a clock shows times again that it has shown before; N where none is.
+
+    Parts in another order, whose times do not meet, are no restart, nor are single stamps or rows that were shuffled.
+    """
+    for at in (np.flatnonzero(np.diff(times_us) < -RESTART_US) + 1).tolist():
+        before, after = times_us[max(at - STEADY, 0) : at], times_us[at : at + STEADY]
+        steady = len(before) == len(after) == STEADY and min(np.diff(before).min(), np.diff(after).min()) >= 0
+        if steady and before.min() > after.max() and times_us[at:].max() > times_us[:at].min():
+            return at
+    return len(times_us)
 
 
 def _rising(times_us: I8) -> NDArray[np.bool_]:
