@@ -178,6 +178,14 @@ def test_models_score_side_by_side_what_they_score_alone(no_page, command, runs,
         assert found == {key: value for key, value in together.items() if key[2] not in {"half", "perfect"} - {model}}
 
 
+def test_two_processes_find_what_one_finds(no_page, recordings, tmp_path):
+    for workers in ("1", "2"):
+        words = ["--data", str(recordings), "--out", str(tmp_path / workers), "--workers", workers]
+        assert main(["benchmark", *words, "--models", "classical"]) == 0
+    alone, together = ((tmp_path / workers / "benchmark.csv").read_bytes() for workers in ("1", "2"))
+    assert together == alone
+
+
 def test_trivial_answers_are_scored_on_the_slices_of_the_models(no_page, command, runs, tmp_path):
     main(command)
     with_models = values_in(tmp_path / "out")
@@ -276,7 +284,7 @@ def test_recordings_of_no_known_background_are_one_scene(runs, saved, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--minutes", "1"], "--minutes, --seed, --size, --workers and --dask are of simulated recordings"),
+        (["--minutes", "1"], "--minutes, --seed and --size are of simulated recordings"),
         (["--models", "unknown"], "no model 'unknown'"),
         (["--models", "half", "half"], "two models are called 'half'"),
         (["--empty-models"], "no model"),
