@@ -24,13 +24,14 @@ from tests.recordings.dataset_files import (
     v2_meta,
     v2_npz,
 )
-from tests.recordings.known_scene import CAMERA, HALF_M, poses, truth
+from tests.recordings.known_scene import CAMERA, HALF_M, events, poses, truth
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import joined
 from evimo.formats import open_events
 from evimo.recordings.checking import findings
 from evimo.recordings.dataset_cameras import AS_WRITTEN, RENDERED, as_drawn
+from evimo.recordings.evimo1_writer import Evimo1Writer
 from evimo.recordings.pose_track import PoseTrack
 from evimo.recordings.pose_words import frame_words, trajectory_words
 from evimo.recordings.recording import open_recording
@@ -260,3 +261,13 @@ def test_maps_show_what_is_half_a_pixel_beside(convention):
 def test_the_half_pixel_is_said(tmp_path, layout, side):
     words, defect = found(EVERY[layout](tmp_path, None), "half a pixel")
     assert side in words and not defect
+
+
+def test_no_half_pixel_is_said_of_what_this_package_drew(tmp_path):
+    """EV-IMO's first layout, as `evimo simulate` writes it: its maps are of pixel centres."""
+    film = tmp_path / "film.npz"
+    with Evimo1Writer(film, CAMERA, poses=poses) as writer:
+        for t_us in range(0, 100_000, 25_000):
+            writer.write(events(t_us, t_us + 25_000), truth(t_us + 12_500))
+    found_there = {each.about for each in findings(film, open_events(film))}
+    assert "frames" in found_there and not found_there & {"half a pixel", "principal point"}

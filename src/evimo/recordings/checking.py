@@ -122,7 +122,7 @@ def _truth_findings(recording: Recording) -> Iterator[Finding]:
 def _principal_findings(path: Path) -> Iterator[Finding]:
     """Of the principal point, where maps and poses of a dataset tell it."""
     layout = dataset_layout(path)
-    if layout is None:
+    if layout is None or found_layout(path) != layout:  # what this package wrote has its own facts, and no such faults
         return
     dataset = open_dataset(path, layout)
     side = "left of and above" if dataset.first_version else "right of and below"
