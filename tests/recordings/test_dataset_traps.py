@@ -75,6 +75,17 @@ def test_polarity_that_was_made_from_times_is_found(tmp_path, made):
     assert defect and "before 24 May 2022" in words
 
 
+def test_a_late_part_whose_polarity_was_made_from_times_is_refused(tmp_path):
+    """Whole seconds, none of which is 0."""
+    folder = v2_folder(tmp_path / "left_camera" / "imo" / "eval" / "a")
+    t = np.load(folder / "dataset_events_t.npy")
+    np.save(folder / "dataset_events_p.npy", (t + 99.9).astype(np.uint8))
+    with pytest.raises(
+        BadFile, match=r"polarities are 99 and 100.*\n.*EVIMO2 of before 24 May 2022: download it again"
+    ):
+        open_recording(folder).events.packets()
+
+
 # ---- trap 11: an object's `ts` is that of the camera's pose ----------------------------------------------------------
 
 

@@ -134,7 +134,7 @@ def check_polarities(path: Path, sample: NDArray[Any]) -> None:
         shown = " and ".join(f"{value:g}" for value in values[:2].tolist())
         raise BadFile(
             f"{path.name}: its polarities are {shown}, and nothing tells which is brighter",
-            fix="write 1 for brighter, and 0 or -1 for darker",
+            fix="write 1 for brighter, and 0 or -1 for darker; EVIMO2 of before 24 May 2022: download it again",
         )
 
 
