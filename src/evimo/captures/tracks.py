@@ -146,7 +146,7 @@ def _before_restart(body: str, times_us: NDArray[np.int64], places: MarkerPlaces
         kept[mine[restart_of(stamps_us[mine]) :]] = False
     if not kept.all():
         _say_restart(f"markers of body {body!r}", kept, int(stamps_us[kept].max()))
-    return MarkerPlaces(*(column[kept] for column in places))
+    return MarkerPlaces(places.instant[kept], places.marker[kept], places.position[kept], places.visible[kept])
 
 
 def _until_restart(body: str, times_us: NDArray[np.int64]) -> int:

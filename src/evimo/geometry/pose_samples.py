@@ -86,7 +86,7 @@ def _rising(times_us: I8) -> NDArray[np.bool_]:
 
 def _rigid(poses: F8) -> NDArray[np.bool_]:
     """Which matrices (N, 4, 4) are finite, and rotations beside a translation that something can have."""
-    finite = (np.abs(poses) < FARTHEST_M).all(axis=(1, 2))
+    finite = (np.abs(poses.reshape(-1, 16)) < FARTHEST_M).all(axis=-1).reshape(-1)
     rotation = np.where(finite[:, None, None], poses[:, :3, :3], 0)
     square = rotation @ np.swapaxes(rotation, 1, 2)
     right = np.abs(square - np.eye(3)).max(axis=(1, 2), initial=0) < NOT_RIGID
