@@ -125,7 +125,9 @@ def _bag_track(body: str, bag: Bag, topic: Topic, clock: Clock) -> MocapTrack:
         numbers.extend(sample.pose)
         tracked.append(sample.tracked)
     poses = np.array(numbers, np.float64).reshape(-1, 7)
-    return track_of(body, np.array(clock(stamps), np.int64), poses, np.frombuffer(tracked, np.bool_))
+    return track_of(
+        body, np.array(clock(stamps), np.int64), poses, np.frombuffer(tracked, np.bool_), where=str(bag.path)
+    )
 
 
 def _bag_markers(body: str, bag: Bag, topic: Topic, clock: Clock) -> MarkerTracks:
@@ -145,7 +147,7 @@ def _bag_markers(body: str, bag: Bag, topic: Topic, clock: Clock) -> MarkerTrack
         np.array(numbers, np.float64).reshape(-1, 3),
         np.frombuffer(seen, np.bool_),
     )
-    return markers_of(body, np.array(clock(stamps), np.int64), tuple(columns), places)
+    return markers_of(body, np.array(clock(stamps), np.int64), tuple(columns), places, where=str(bag.path))
 
 
 def _text_tracks(path: Path) -> dict[str, MocapTrack]:
@@ -157,7 +159,7 @@ def _text_tracks(path: Path) -> dict[str, MocapTrack]:
     for body in list(pieces):
         times_us, numbers = map(np.concatenate, zip(*pieces.pop(body), strict=True))
         tracked = numbers[:, 7] != 0 if numbers.shape[1] > 7 else np.ones(len(times_us), np.bool_)
-        found[body] = track_of(body, times_us, numbers[:, :7], tracked)
+        found[body] = track_of(body, times_us, numbers[:, :7], tracked, where=str(path))
     return found
 
 
@@ -194,5 +196,5 @@ def _text_markers(path: Path) -> dict[str, MarkerTracks]:
     for body, parts in pieces.items():
         times_us, markers, places = (np.concatenate(each) for each in zip(*parts, strict=True))
         everywhere = MarkerPlaces(np.arange(len(times_us)), markers, places, np.ones(len(times_us), np.bool_))
-        found[body] = markers_of(body, times_us, tuple(columns[body]), everywhere)
+        found[body] = markers_of(body, times_us, tuple(columns[body]), everywhere, where=str(path))
     return found

@@ -90,9 +90,12 @@ class MarkerPlaces(NamedTuple):
     visible: NDArray[np.bool_]
 
 
-def track_of(body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray[np.bool_]) -> MocapTrack:
+def track_of(
+    body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray[np.bool_], *, where: str = "motion capture"
+) -> MocapTrack:
     """The track of samples as they are stored: sorted, of equal times the first, in rotation vectors.
 
+    where: they come from, for errors.
     poses: (M, 7) x y z in m and quaternion x y z w. Samples that are not finite, or whose quaternion is of no length,
         count as not tracked: many programs write zeros where they see nothing.
 
@@ -100,7 +103,7 @@ def track_of(body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray
         BadFile: the clock starts again before half of the samples.
     """
     if not (np.diff(times_us) > 0).all():
-        times_us = times_us[: _until_restart(body, times_us)]
+        times_us = times_us[: _until_restart(f"{where}, body {body!r}", times_us)]
         times_us, rows = np.unique(times_us, return_index=True)
         poses, tracked = poses[rows], tracked[rows]
     length = np.linalg.norm(poses[:, 3:], axis=1)
@@ -110,7 +113,9 @@ def track_of(body: str, times_us: NDArray[np.int64], poses: F8, tracked: NDArray
     return MocapTrack(body, times_us, position, Rotation.from_quat(quaternion).as_rotvec(), known)
 
 
-def markers_of(body: str, times_us: NDArray[np.int64], names: tuple[str, ...], places: MarkerPlaces) -> MarkerTracks:
+def markers_of(
+    body: str, times_us: NDArray[np.int64], names: tuple[str, ...], places: MarkerPlaces, *, where: str
+) -> MarkerTracks:
     """The tracks of markers given one by one.
 
     Args:
@@ -118,16 +123,17 @@ def markers_of(body: str, times_us: NDArray[np.int64], names: tuple[str, ...], p
         times_us: of the instants, in any order.
         names: of the markers.
         places: of any of them at any instant, in any order.
+        where: they come from, for errors.
 
     Raises:
         BadFile: hardly any marker is there at hardly any instant, as where each sighting got a name of its own; or the
             clock starts again before half of the sightings.
     """
-    places = _before_restart(body, times_us, places)
+    places = _before_restart(f"{where}, markers of body {body!r}", times_us, places)
     order, row = np.unique(times_us, return_inverse=True)
     if len(order) * len(names) > MOST_CELLS + SPARSEST * len(places.marker):
         text = f"markers of body {body!r} have {len(names):,} names, most of them at few of {len(order):,} instants"
-        raise BadFile(text, fix="a file whose markers are labelled, without those that are not")
+        raise BadFile(f"{where}: {text}", fix="a file whose markers are labelled, without those that are not")
     position = np.zeros((len(order), len(names), 3))
     visible = np.zeros(position.shape[:2], np.bool_)
     at = row[places.instant], places.marker
@@ -136,7 +142,7 @@ def markers_of(body: str, times_us: NDArray[np.int64], names: tuple[str, ...], p
     return MarkerTracks(body, names, order, position, visible)
 
 
-def _before_restart(body: str, times_us: NDArray[np.int64], places: MarkerPlaces) -> MarkerPlaces:
+def _before_restart(what: str, times_us: NDArray[np.int64], places: MarkerPlaces) -> MarkerPlaces:
     """Sightings of markers without those after the clock starts again: of each marker, in the order of the file."""
     stamps_us, kept = times_us[places.instant], np.ones(len(places.marker), np.bool_)
     if (np.diff(stamps_us) >= 0).all():
@@ -145,15 +151,15 @@ def _before_restart(body: str, times_us: NDArray[np.int64], places: MarkerPlaces
         mine = np.flatnonzero(places.marker == marker)
         kept[mine[restart_of(stamps_us[mine]) :]] = False
     if not kept.all():
-        _say_restart(f"markers of body {body!r}", kept, int(stamps_us[kept].max()))
+        _say_restart(what, kept, int(stamps_us[kept].max()))
     return MarkerPlaces(places.instant[kept], places.marker[kept], places.position[kept], places.visible[kept])
 
 
-def _until_restart(body: str, times_us: NDArray[np.int64]) -> int:
+def _until_restart(what: str, times_us: NDArray[np.int64]) -> int:
     """How many samples there are until the clock starts again."""
     at = restart_of(times_us)
     if at < len(times_us):
-        _say_restart(f"body {body!r}", np.arange(len(times_us)) < at, int(times_us[at - 1]))
+        _say_restart(what, np.arange(len(times_us)) < at, int(times_us[at - 1]))
     return at
 
 
