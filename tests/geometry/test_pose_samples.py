@@ -48,7 +48,7 @@ def test_a_clock_that_starts_again_costs_what_follows():
     assert np.flatnonzero(checked_samples(times_us, resting(times_us))).tolist() == list(range(500))
 
 
-@pytest.mark.parametrize("order", ["parts", "lone stamps", "shuffled", "late block"])
+@pytest.mark.parametrize("order", ["parts", "lone stamps", "shuffled", "late block", "very late block", "still"])
 def test_what_is_only_out_of_order_is_no_restart(order):
     times_us = np.arange(1000, dtype=np.int64) * 5_000
     if order == "parts":
@@ -57,8 +57,10 @@ def test_what_is_only_out_of_order_is_no_restart(order):
         times_us[[300, 500, 501]] += np.array([10**9, -(10**9), -2_000_000])
     elif order == "shuffled":
         times_us = np.random.default_rng(0).permutation(times_us)
+    elif order == "still":
+        times_us[400:450] = 0
     else:
-        times_us[400:450] -= 900_000
+        times_us[400:450] -= 900_000 if order == "late block" else 1_900_000
     assert restart_of(times_us) == 1000
 
 

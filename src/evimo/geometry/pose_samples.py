@@ -49,12 +49,16 @@ def pieces_of(times_us: I8, poses: F8, bridged_us: int) -> I8:
 def restart_of(times_us: I8) -> int:
     """The first of the samples (N,) from which on a clock shows times again that it has shown before; N where none is.
 
-    Parts in another order, whose times do not meet, are no restart, nor are single stamps or rows that were shuffled.
+    No restart are parts in another order, whose times do not meet, single stamps, a clock that stood still, rows that
+    were shuffled, and a late block after which the clock leaps to where it was.
     """
     for at in (np.flatnonzero(np.diff(times_us) < -RESTART_US) + 1).tolist():
-        before, after = times_us[max(at - STEADY, 0) : at], times_us[at : at + STEADY]
-        steady = len(before) == len(after) == STEADY and min(np.diff(before).min(), np.diff(after).min()) >= 0
-        if steady and before.min() > after.max() and times_us[at:].max() > times_us[:at].min():
+        before, after, rest = times_us[max(at - STEADY, 0) : at], times_us[at : at + STEADY], times_us[at:]
+        if len(before) < STEADY or len(after) < STEADY or min(np.diff(before).min(), np.diff(after).min()) < 0:
+            continue
+        leaps = (np.diff(rest) > RESTART_US) & (rest[1:] > times_us[at - 1])
+        again = after[0] < after[-1] < before[0] and rest.max() > times_us[:at].min()
+        if again and not leaps.any():
             return at
     return len(times_us)
 
