@@ -23,15 +23,14 @@ from evimo.formats.evt_clock_kernel import (
 from evimo.formats.evt3_steady_kernel import (
     LARGEST_BASE,
     LOWEST_BIT,
-    MOST_TOGETHER,
-    PLAIN_WORDS,
+    TOGETHER,
     at_first,
     at_last,
     gathered,
     gathered_vectors,
     ones,
     spread,
-    together,
+    with_vectors,
 )
 
 BITS = 12
@@ -135,13 +134,13 @@ def undo(tally):
 def decode_stretches(words, stop, high_words, state, tally, columns):
     """The events of the words before number `stop`: those of usual stretches at once, others word by word."""
     clocks, places = high_words
-    packed, at = np.empty(MOST_TOGETHER + 1, np.uint64), 0
+    at = np.int64(0)
     while at < stop:
-        until, has_vectors = together(words, at, usual_until(stop, clocks, places, tally))
-        if until == at or not is_usual(state):
-            until = after_low(words, at, min(stop, at + PLAIN_WORDS))
-            decode_words(words, at, until, clocks, state, tally, columns)
-        elif decode_usual(words[at:until], has_vectors, packed, state, tally, columns):
+        until = min(at + TOGETHER, usual_until(stop, clocks, places, tally))
+        usual = until > at and is_usual(state)
+        if not usual:
+            until = after_low(words, at, min(stop, at + TOGETHER))
+        if usual and decode_usual(words[at:until], state, tally, columns):
             while tally[NUMBER] < len(places) and places[tally[NUMBER]] < until:
                 tally[NUMBER] += 1
         else:
@@ -173,15 +172,19 @@ def after_low(words, at, stop):
 
 
 @njit(nogil=True)
-def decode_usual(words, has_vectors, packed, state, tally, columns):
+def decode_usual(words, state, tally, columns):
     """The events of words that are as usual, all at once; False, and nothing is changed, where they prove not to be."""
     known = at_first(state[LOW], state[BASE], state[POLARITY], state[ROW])
-    count, known, back = gathered_vectors(words, known, packed) if has_vectors else gathered(words, known, packed)
+    x, y, t, p = columns
+    first = tally[COUNT]
+    if with_vectors(words):
+        count, known, back = gathered_vectors(words, known, t[first:])
+    else:
+        count, known, back = gathered(words, known, t[first:])
     if back < 0:
         return False
-    first, last = tally[COUNT], tally[COUNT] + count
-    x, y, t, p = columns
-    spread(packed[:count], tally[UPPER], (x[first:last], y[first:last], t[first:last], p[first:last]))
+    last = first + count
+    spread((x[first:last], y[first:last], t[first:last], p[first:last]), tally[UPPER])
     tally[COUNT] = last
     keep_lows(words, state, tally)
     state[BASE], state[POLARITY], state[ROW] = at_last(known)
