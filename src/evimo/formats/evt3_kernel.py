@@ -9,17 +9,6 @@ and the rest carry no events.
 import numpy as np
 
 from evimo.compiling import njit
-from evimo.formats.evt_clock_kernel import (
-    CLOCK,
-    CLOCK_STATE,
-    EXPECTED,
-    LOST,
-    UNDECIDED,
-    UNKNOWN,
-    advance,
-    believed_clocks,
-    clock_words,
-)
 from evimo.formats.evt3_steady_kernel import (
     LARGEST_BASE,
     LOWEST_BIT,
@@ -31,6 +20,17 @@ from evimo.formats.evt3_steady_kernel import (
     ones,
     spread,
     with_vectors,
+)
+from evimo.formats.evt_clock_kernel import (
+    CLOCK,
+    CLOCK_STATE,
+    EXPECTED,
+    LOST,
+    UNDECIDED,
+    UNKNOWN,
+    advance,
+    believed_clocks,
+    clock_words,
 )
 
 BITS = 12

@@ -59,7 +59,8 @@ def ones(bits):
 @njit(nogil=True)
 def gathered(words, known, events):
     """What is known at each event of words without vectors, how many there are, what is known after the last word, and
-    a number that is negative where a lower TIME LOW follows a higher one."""
+    a number that is negative where a lower TIME LOW follows a higher one.
+    """
     count, back, low = np.uint64(0), np.int64(0), np.int64(known >> LOW_AT)
     for short in words:
         word = np.uint64(short)
