@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.benchmark.written import MODELS
 
 from evimo.errors import NotFound
 from evimo.events.events import Events
@@ -123,3 +124,14 @@ def recordings(tmp_path: Path) -> Path:
 def saved() -> Callable[..., Path]:
     """Saves a recording."""
     return save_recording
+
+
+@pytest.fixture
+def command(runs, recordings, tmp_path) -> list[str]:
+    return ["benchmark", "--data", str(recordings), "--out", str(tmp_path / "out"), *MODELS]
+
+
+@pytest.fixture
+def no_page(monkeypatch) -> None:
+    """Leaves out the page, which takes a second."""
+    monkeypatch.setattr("evimo.benchmark.running.as_html", lambda result: "")

@@ -1,40 +1,18 @@
 """`evimo benchmark` on recordings made by hand, with models that know the truth or half of it."""
 
 import csv
-import gc
 import io
 import json
 import re
-import weakref
 from html.parser import HTMLParser
-from pathlib import Path
 
-import numpy as np
 import pytest
 from pytest import approx
+from tests.benchmark.written import MODELS, values_in
 
-from evimo.benchmark.paper import CLASSIC, DEPTH, MOTION
 from evimo.cli import main
-from evimo.simulate.benchmark_set import INDEX, BenchmarkPlan
 
 pytest.importorskip("matplotlib", reason="needs the extra [benchmark]")
-MODELS = ["--models", "half", "perfect"]
-
-
-@pytest.fixture
-def command(runs, recordings, tmp_path) -> list[str]:
-    return ["benchmark", "--data", str(recordings), "--out", str(tmp_path / "out"), *MODELS]
-
-
-@pytest.fixture
-def no_page(monkeypatch) -> None:
-    """Leaves out the page, which takes a second."""
-    monkeypatch.setattr("evimo.benchmark.running.as_html", lambda result: "")
-
-
-def values_in(out: Path) -> dict[tuple[str, ...], float]:
-    rows = csv.DictReader(io.StringIO((out / "benchmark.csv").read_text()))
-    return {(row["table"], row["scene"], row["row"], row["score"]): float(row["value"]) for row in rows}
 
 
 def test_the_tables_say_what_is_worked_out_by_hand(no_page, command, tmp_path):
@@ -122,96 +100,6 @@ def test_legends_name_every_model(command, tmp_path):
         assert {"half", "perfect", "_mine"} <= set(texts)
 
 
-def test_what_was_scored_is_not_scored_again(no_page, command, runs, tmp_path):
-    main(command)
-    first = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
-    assert runs == [(model, name) for name in ("d", "c", "a", "b") for model in ("half", "perfect")]
-    main(command)
-    assert len(runs) == 8
-    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()} == first
-    next((tmp_path / "out" / "scores" / "half").glob("table_c-*.json")).write_text('{"of": ')  # cut short by a crash
-    main(command)
-    assert runs[8:] == [("half", "c")]
-
-
-def test_recordings_are_let_go_once_they_are_scored(no_page, command, runs, monkeypatch):
-    """Their events are mapped into memory, hours of them if they stayed open."""
-    from evimo.benchmark import cases
-
-    seen, tallies_of = [], cases.tallies_of
-
-    def watched(recording, models, tick):
-        gc.collect()
-        assert not [left for left in seen if left() is not None]
-        seen.append(weakref.ref(recording))
-        return tallies_of(recording, models, tick)
-
-    monkeypatch.setattr(cases, "tallies_of", watched)
-    assert main(command) == 0
-    assert len(seen) == 4
-
-
-def test_a_benchmark_that_was_interrupted_goes_on(command, runs, tmp_path, monkeypatch):
-    from evimo.benchmark import cases
-
-    def interrupted(recording, models, tick):
-        if recording.path.name == "a":
-            raise KeyboardInterrupt
-        return tallies_of(recording, models, tick)
-
-    tallies_of = cases.tallies_of
-    monkeypatch.setattr(cases, "tallies_of", interrupted)
-    assert main(command) == 130
-    assert not (tmp_path / "out" / "benchmark.html").exists()
-    monkeypatch.setattr(cases, "tallies_of", tallies_of)
-    assert main(command) == 0
-    assert [name for model, name in runs if model == "half"] == ["d", "c", "a", "b"]
-
-
-def test_models_score_side_by_side_what_they_score_alone(no_page, command, runs, recordings, tmp_path):
-    main(command)
-    together = values_in(tmp_path / "out")
-    for model in ("half", "perfect"):
-        alone = ["benchmark", "--data", str(recordings), "--out", str(tmp_path / model), "--models", model]
-        assert main(alone) == 0
-        found = values_in(tmp_path / model)
-        assert found == {key: value for key, value in together.items() if key[2] not in {"half", "perfect"} - {model}}
-
-
-def test_trivial_answers_are_scored_on_the_slices_of_the_models(no_page, command, runs, tmp_path):
-    main(command)
-    with_models = values_in(tmp_path / "out")
-    for path in (tmp_path / "out" / "scores" / "trivial_answers").iterdir():
-        path.unlink()
-    main(command)
-    assert values_in(tmp_path / "out") == with_models
-    assert len(runs) == 8
-
-
-def test_other_weights_of_the_same_name_are_scored_anew(no_page, command, runs, monkeypatch):
-    main(command)
-
-    class Trained:
-        def __init__(self, name):
-            self.identity = {"sha256": f"other weights of {name}" if name == "half" else f"digest of {name}"}
-
-    monkeypatch.setattr("evimo.benchmark.cases.model_of", Trained)
-    main(command)
-    assert [model for model, _ in runs[8:]] == ["half"] * 4
-
-
-def test_a_changed_truth_is_scored_anew(no_page, command, runs, recordings, tmp_path):
-    """As many instants, events and facts as before; the object is gone from the masks of one recording."""
-    main(command)
-    mask = recordings / "table" / "c" / "dataset_mask.npz"
-    with np.load(mask) as maps:
-        emptied = {name: np.zeros_like(maps[name]) for name in maps.files}
-    np.savez_compressed(mask, **emptied)
-    main(command)
-    assert runs[8:] == [("half", "c"), ("perfect", "c")]
-    assert ("II", "table", "perfect", "iou") not in values_in(tmp_path / "out")
-
-
 @pytest.mark.parametrize(
     ("others", "title", "notice"),
     [
@@ -276,7 +164,7 @@ def test_recordings_of_no_known_background_are_one_scene(runs, saved, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--minutes", "1"], "--minutes, --seed, --size, --workers and --dask are of simulated recordings"),
+        (["--minutes", "1"], "--minutes, --seed and --size are of simulated recordings"),
         (["--models", "unknown"], "no model 'unknown'"),
         (["--models", "half", "half"], "two models are called 'half'"),
         (["--empty-models"], "no model"),
@@ -294,46 +182,7 @@ def test_an_empty_folder_is_one_error(runs, tmp_path, capsys):
     assert "no recording with truth in" in capsys.readouterr().err
 
 
-def test_recordings_of_another_plan_are_refused(runs, tmp_path, capsys):
-    folder = tmp_path / "out" / "recordings"
-    folder.mkdir(parents=True)
-    (folder / INDEX).write_text(json.dumps(BenchmarkPlan(minutes=0.5, seed=3, size=(24, 32)).index()))
-    assert main(["benchmark", "--out", str(tmp_path / "out"), "--minutes", "0.5", "--size", "32x24", *MODELS]) == 2
-    told = capsys.readouterr().err
-    assert "recordings of another plan: seed 3 instead of seed 71000000" in told
-    assert [path.name for path in folder.iterdir()] == [INDEX]
-
-
 def test_an_unknown_model_is_refused_before_anything_is_simulated(runs, tmp_path, capsys):
     assert main(["benchmark", "--out", str(tmp_path / "out"), "--models", "unknown"]) == 2
     assert "no model 'unknown'" in capsys.readouterr().err
     assert not (tmp_path / "out" / "recordings").exists()
-
-
-def test_the_papers_numbers_are_the_papers():
-    paper = Path(__file__).parents[3] / "shared" / "paper" / "ev-imo.tex"
-    if not paper.exists():
-        pytest.skip("needs ../shared/paper/ev-imo.tex")
-    text = paper.read_text()
-    assert _printed(text, "table:mo_est") == [(line[0], *_numbers(line)) for line in MOTION.lines]
-    classic = [numbers for _, *numbers in _printed(text, "table:classic")]
-    assert classic == [list(_numbers(line)) for line in CLASSIC.lines]
-    by_method = sorted(DEPTH.lines, key=lambda line: ("baseline, 2 M", "40 k", "ECN").index(line[1]))
-    assert _printed(text, "table:main_table_depth") == [(line[0], *_numbers(line)) for line in by_method]
-
-
-def _numbers(line: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(value for value in line[2:] if value != "–")
-
-
-def _printed(text: str, label: str) -> list[tuple[str, ...]]:
-    """The lines of one of the paper's tables: their name and numbers; those in braces are a line of their own."""
-    body = text[: text.index(rf"\label{{{label}}}")].rsplit(r"\begin{tabular}", 1)[1]
-    found: list[tuple[str, ...]] = []
-    for line in body.split(r"\\"):
-        name = re.search(r"\\textit\{\$?([^}$~]+)", line)
-        numbers = re.findall(r"(\(?)(\d\.\d{2,3})(?!\d)", line.partition(r"\textit")[2])
-        for brace in ("", "("):
-            if name and (chosen := [number for mark, number in numbers if mark == brace]):
-                found.append((name[1], *chosen))
-    return found

@@ -65,7 +65,7 @@ def test_csv_has_a_line_per_row_and_leaves_unknowns_empty(report, tmp_path):
     assert lines[0]["abs_rel"] == ""
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": 99}', '{"format": 3, "title": "x", "rows": {"a": 1}}'])
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": 99}', '{"format": 4, "title": "x", "rows": {"a": 1}}'])
 def test_other_files_are_refused(content, tmp_path):
     (tmp_path / "report.json").write_text(content)
     with pytest.raises(BadFile):

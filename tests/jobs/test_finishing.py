@@ -93,6 +93,17 @@ def test_warnings_arrive_with_the_name_of_the_recording(crew):
     assert [str(each.message) for each in caught] == ["a.raw: the camera is guessed"]
 
 
+@pytest.mark.parametrize("crew", [ALONE, TWO])
+def test_what_many_recordings_warn_of_is_told_once_and_counted(crew):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert len(done(work("fails"), ["guess", "fine", "guess", "guess"], crew, name=lambda job: "a.raw")) == 4
+    assert [str(each.message) for each in caught] == [
+        "a.raw: the camera is guessed",
+        "2 more of them: the camera is guessed",
+    ]
+
+
 def test_stopping_breaks_off_what_is_under_way_and_leaves_nothing(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         _stopped_when(lambda: len(list(tmp_path.glob("pid*"))) == 2, work("endless", tmp_path))

@@ -98,7 +98,7 @@ def begun(small, tiny, tmp_path):
     """Makes trainers of one folder, in which a run has begun."""
 
     def trainer(**changes):
-        return Trainer(tiny(), CONFIG, small, tmp_path, data=changes.get("data", "these"))
+        return Trainer(tiny(), CONFIG, small, tmp_path, data={"recordings": "these"} | changes)
 
     trained(trainer(), stop_after=1)
     return trainer
@@ -107,7 +107,7 @@ def begun(small, tiny, tmp_path):
 def test_other_recordings_are_another_run(begun):
     assert begun().resume()
     with pytest.raises(BadInput, match="differs in recordings") as raised:
-        begun(data="those").resume()
+        begun(recordings="those").resume()
     assert "--preset" in raised.value.fix
 
 

@@ -7,6 +7,7 @@ import torch
 
 from evimo.errors import BadFile, BadInput, NotFound
 from evimo.model.checkpoint import save_model
+from evimo.model.networks import network_of
 from evimo.model.presets import PRESETS
 from evimo.training import start as module
 from evimo.training.config import TrainConfig
@@ -65,6 +66,22 @@ def test_a_run_starts_from_its_seed_and_goes_on_in_its_folder(on_disk, tmp_path)
     data[:] = [tmp_path / "a"]
     with pytest.raises(BadInput, match="differs in recordings"):
         begun(config)
+
+
+def test_a_run_that_began_from_other_weights_is_another_run(on_disk, tmp_path):
+    config, data, weights = TrainConfig(steps=1, batch=1), on_disk(), tmp_path / "first.safetensors"
+
+    def begun():
+        with started(data, str(weights), config, Workplace(out=tmp_path / "run"), progress=lambda *_: None) as trainer:
+            return trainer
+
+    torch.manual_seed(1)
+    save_model(network_of(PRESETS["tiny"]), weights)
+    begun().run(lambda *_: None)
+    assert begun().step == 1
+    save_model(network_of(PRESETS["tiny"]), weights)
+    with pytest.raises(BadInput, match="differs in first weights"):
+        begun()
 
 
 @pytest.mark.parametrize(

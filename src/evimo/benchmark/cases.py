@@ -1,7 +1,7 @@
 """What is kept of each model on each recording, so that a benchmark that was killed goes on where it was."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -103,18 +103,37 @@ def _settings(rival: Rival, sequence: Sequence) -> dict[str, Any]:
     }
 
 
-def scored(
-    kept: Kept, rivals: list[Rival], sequence: Sequence, advance: Callable[[int, bool], None]
-) -> dict[str, Tally]:
-    """What models score on a recording, from before or now; `advance` is told of slices, and whether made now."""
-    known = {rival.name: kept.known(rival, sequence) for rival in rivals}
-    tallies = {name: tally for name, tally in known.items() if tally is not None}
-    advance(len(tallies) * len(sequence.recording), False)
-    missing = {rival.name: rival for rival in rivals if rival.name not in tallies}
-    if missing:
-        models = {name: rival.model for name, rival in missing.items()}
-        recording = open_recording(sequence.recording.path)  # anew: what it maps is given back when it is done
-        for name, tally in tallies_of(recording, models, lambda: advance(len(models), True)).items():
-            kept.keep(missing[name], sequence, tally)
-            tallies[name] = tally
-    return tallies
+@dataclass(frozen=True)
+class Case:
+    """A recording by its path, and models that are not scored on it yet: a job for any process that sees the files."""
+
+    path: Path
+    name: str
+    scene: str
+    slices: int
+    rivals: tuple[Rival, ...]
+
+
+def case_of(sequence: Sequence, rivals: Iterable[Rival]) -> Case:
+    """These models on that recording."""
+    recording = sequence.recording
+    return Case(recording.path, sequence.name, sequence.scene, len(recording), tuple(rivals))
+
+
+def score(kept: Kept, case: Case, told: Callable[[int], None] = lambda slices: None) -> tuple[Case, dict[str, Tally]]:
+    """Score the models of a case side by side and keep what comes of it.
+
+    Args:
+        kept: where.
+        case: what.
+        told: of how many slices more are scored, one for each model.
+
+    Returns:
+        The case and what each model has, by name.
+    """
+    recording = open_recording(case.path)  # anew: what it maps is given back when it is done
+    models = {rival.name: rival.model for rival in case.rivals}
+    tallies = tallies_of(recording, models, lambda: told(len(models)))
+    for rival in case.rivals:
+        kept.keep(rival, Sequence(recording, case.name, case.scene), tallies[rival.name])
+    return case, tallies

@@ -1,11 +1,13 @@
 """The whole benchmark: recordings made or found, every model scored on each, the worst looked at, files written."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from evimo.benchmark.cases import Kept, Rival, Sequence, scored, sequences_in
+from evimo.benchmark.cases import Case, Kept, Rival, Sequence, case_of, score, sequences_in
 from evimo.benchmark.page import as_html
 from evimo.benchmark.result import Result
 from evimo.benchmark.tally import Tally
@@ -13,6 +15,7 @@ from evimo.benchmark.texts import as_csv, as_json, as_markdown
 from evimo.benchmark.worst import WorstCase, worst_cases
 from evimo.errors import BadInput
 from evimo.jobs.crew import Crew
+from evimo.jobs.finishing import finished
 from evimo.recordings.facts import own_version
 from evimo.writing import save_files
 
@@ -61,7 +64,7 @@ def settings_of(plan: "BenchmarkPlan") -> dict[str, str]:
 
 
 def benchmark(
-    folder: Path, out: Path, *, rivals: list[Rival], settings: Mapping[str, str], progress: Progress
+    folder: Path, out: Path, *, rivals: list[Rival], settings: Mapping[str, str], crew: Crew, progress: Progress
 ) -> Result:
     """Score `rivals_of` some models on all recordings in a folder, and keep tables, plots and pictures in `out`.
 
@@ -74,11 +77,17 @@ def benchmark(
     if twice := {sequence.name for sequence in sequences if [each.name for each in sequences].count(sequence.name) > 1}:
         raise BadInput(f"two recordings are called {min(twice)}", fix="other names")
     tallies: dict[tuple[str, str], Tally] = {}
-    total = len(rivals) * sum(len(sequence.recording) for sequence in sequences)
-    with progress(total, "slices") as advance:
+    missing: list[Case] = []
+    with progress(len(rivals) * sum(len(sequence.recording) for sequence in sequences), "slices") as advance:
         for sequence in sequences:
-            found = _scored(kept, rivals, sequence, advance)
-            tallies |= {(name, sequence.name): tally for name, tally in found.items()}
+            known = {rival.name: kept.known(rival, sequence) for rival in rivals}
+            there = {(name, sequence.name): tally for name, tally in known.items() if tally is not None}
+            tallies |= there
+            advance(len(there) * len(sequence.recording), made=False)
+            if len(there) < len(rivals):
+                missing.append(case_of(sequence, (rival for rival in rivals if known[rival.name] is None)))
+        for case, found in _scored(kept, missing, crew=crew, shared=out, advance=advance):
+            tallies |= {(name, case.name): tally for name, tally in found.items()}
     result = Result(
         settings={**settings, "evimo": own_version()},
         sequences=sequences,
@@ -91,11 +100,15 @@ def benchmark(
     return result
 
 
-def _scored(kept: Kept, rivals: list[Rival], sequence: Sequence, advance: Advance) -> dict[str, Tally]:
-    def tell(slices: int, made: bool) -> None:
-        advance(slices, made=made, facts=sequence.name)
-
-    return scored(kept, rivals, sequence, tell)
+def _scored(
+    kept: Kept, cases: list[Case], *, crew: Crew, shared: Path, advance: Advance
+) -> Iterator[tuple[Case, dict[str, Tally]]]:
+    """Each case with its scores, as it is done; who works alone hears of every slice, others of whole recordings."""
+    work = partial(score, kept, told=advance) if crew.is_alone else partial(score, kept)
+    for case, tallies in finished(work, cases, crew=crew, shared=shared, name=attrgetter("name")):
+        if not crew.is_alone:
+            advance(len(case.rivals) * case.slices, facts=case.name)
+        yield case, tallies
 
 
 def _worst(rival: Rival, sequences: list[Sequence], tallies: Mapping[tuple[str, str], Tally]) -> list[WorstCase]:

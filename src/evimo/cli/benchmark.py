@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 SEED = 71_000_000
 """Of the first recording; training and choosing weights have had others."""
 MINUTES = 5.0
-SIMULATES = "--minutes, --seed, --size, --workers and --dask"
+SIMULATES = "--minutes, --seed and --size"
 WIDTH = 110
 
 
@@ -55,10 +55,10 @@ def benchmark(
         data: folder with recordings that know the truth, to be scored instead of simulated ones.
         seed: of the first recording; the others follow.
         size: WxH in pixels, if not the camera's own 346x260.
-        crew: who simulates.
+        crew: who simulates and scores.
     """
     check_installed("a benchmark", "matplotlib", "jinja2", extra="benchmark")
-    if data is not None and (minutes, seed, size, crew) != (None, None, None, ALONE):
+    if data is not None and (minutes, seed, size) != (None, None, None):
         raise BadInput(f"{SIMULATES} are of simulated recordings, not of --data", fix="leave them or --data out")
     crew.check()
     rivals = rivals_of(models)
@@ -68,7 +68,7 @@ def benchmark(
         plan = _plan(MINUTES if minutes is None else minutes, SEED if seed is None else seed, size)
         folder = running.make_recordings(plan, out, crew=crew, progress=progress)
         settings = running.settings_of(plan)
-    result = running.benchmark(folder, out, rivals=rivals, settings=settings, progress=progress)
+    result = running.benchmark(folder, out, rivals=rivals, settings=settings, crew=crew, progress=progress)
     _show(result)
     print(f"saved in {out}: {', '.join(running.FILES)}")
 

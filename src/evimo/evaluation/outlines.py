@@ -36,14 +36,33 @@ def shared_box(first: Box, second: Box) -> Box:
 
 
 def hulls(x: NDArray[np.uint16], y: NDArray[np.uint16], names: NDArray[np.int64], size: tuple[int, int]) -> Mask:
-    """The union (H, W) of the convex hulls of clusters of events, each drawn filled, its border included.
+    """The union (H, W) of the convex hulls of clusters of events: pixels whose centre is in a hull or on its border.
 
-    names: (N,) the cluster of each event; 0 is none. A single event is a pixel, two are a line.
+    names: (N,) the cluster of each event; 0 is none. A single event is a pixel.
     """
-    drawn = np.zeros(size, np.uint8)
+    inside = np.zeros(size, np.bool_)
     order = np.argsort(names, kind="stable")
     points = np.stack((x, y), axis=1).astype(np.int32)[order]
     starts = np.flatnonzero(np.diff(names[order], prepend=0))
     for cluster in np.split(points, starts)[1:]:
-        cv2.fillConvexPoly(drawn, cv2.convexHull(cluster), 1)
-    return drawn.view(np.bool_)
+        _fill(inside, cv2.convexHull(cluster, clockwise=False)[:, 0].astype(np.int64))
+    return inside
+
+
+def _fill(inside: Mask, corners: NDArray[np.int64]) -> None:
+    """Add the pixels of a convex hull, exactly, in whole numbers: each edge bounds the columns of each row.
+
+    OpenCV's own filling adds what the lines of its border touch, up to 2 % of a small hull.
+
+    corners: (K, 2) of x and y, one after the other; with x to the right and y down, the hull lies to the right of the
+        edge from each to the next.
+    """
+    (x0, y0), (x1, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    (dx, dy), rows = (np.roll(corners, -1, axis=0) - corners).T[..., None], np.arange(y0, y1 + 1)
+    x, y = corners.T[..., None]
+    steps = dx * (rows - y)  # dy (column - x) is not above it
+    falls, rises = (dy > 0)[:, 0], (dy < 0)[:, 0]
+    last = (x + steps // np.where(dy == 0, 1, dy))[falls].min(axis=0, initial=x1)
+    first = (x - (-steps) // np.where(dy == 0, 1, dy))[rises].max(axis=0, initial=x0)
+    columns = np.arange(x0, x1 + 1)
+    inside[y0 : y1 + 1, x0 : x1 + 1] |= (columns >= first[:, None]) & (columns <= last[:, None])

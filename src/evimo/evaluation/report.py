@@ -19,7 +19,7 @@ Key = TypeVar("Key")
 
 MODEL = "model"
 LABELS = "model, its labels of events"
-FORMAT = 3
+FORMAT = 4
 """Of report.json; grows when the meaning of a number changes, so that older files are not mixed with newer ones."""
 
 

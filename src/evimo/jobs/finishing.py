@@ -1,6 +1,7 @@
 """Jobs done by a crew: the one way in which commands work on many recordings."""
 
 import warnings
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -38,7 +39,8 @@ def finished(
 
     A job whose process or machine dies is done again. Where the caller stops early or this process dies, jobs that
     have not begun are dropped and those under way are broken off; they clean up after themselves. One that finds a
-    file missing or broken costs its own result, and the error comes after all others; any other error ends all.
+    file missing or broken costs its own result, and the error comes after all others; any other error ends all. What
+    many recordings warn of is told of the first one, and how many more there were at the end.
 
     Args:
         work: a function of some module, or a `partial` of one. It writes files, and returns at once where they are
@@ -53,10 +55,9 @@ def finished(
         EvimoError: of a job.
     """
     crew.check()
-    jobs, failures = list(jobs), list[EvimoError]()
+    jobs, failures, warned = list(jobs), list[EvimoError](), Counter[str]()
     for job, outcome in _outcomes(work, jobs, crew, shared):
-        for warning in outcome.warnings:
-            warnings.warn(_named(name(job), warning), EvimoWarning, stacklevel=2)
+        _warn(name(job), outcome.warnings, warned)
         error = outcome.error
         if isinstance(error, EvimoError):
             error = type(error)(_named(name(job), error.problem), fix=error.fix)
@@ -66,8 +67,24 @@ def finished(
             raise error
         else:
             yield outcome.result
+    _warn_of_more(warned)
     if failures:
         raise _together(failures, len(jobs))
+
+
+def _warn(name: object, problems: Iterable[str], warned: Counter[str]) -> None:
+    """Warn of what is new, and count it by recordings."""
+    for problem in problems:
+        if problem not in warned:
+            warnings.warn(_named(name, problem), EvimoWarning, stacklevel=3)
+        warned[problem] += 1
+
+
+def _warn_of_more(warned: Counter[str]) -> None:
+    """Warn of how many more recordings had what the first one had."""
+    for problem, recordings in warned.items():
+        if recordings > 1:
+            warnings.warn(EvimoWarning(f"{recordings - 1} more of them: {problem}"), stacklevel=3)
 
 
 def _outcomes(

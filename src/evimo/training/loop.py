@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -37,9 +37,16 @@ class Trainer:
     """
 
     def __init__(
-        self, model: Model, config: TrainConfig, source: Source, out: Path, *, team: Team = ALONE, data: str = ""
+        self,
+        model: Model,
+        config: TrainConfig,
+        source: Source,
+        out: Path,
+        *,
+        team: Team = ALONE,
+        data: Mapping[str, str] | None = None,
     ) -> None:
-        """See the class; `data` tells the recordings of the source from others (`Samples.fingerprint`).
+        """See the class; `data` tells what is learned from, and what the model was before, from others.
 
         Raises:
             BadInput: no such recipe, or one for other networks; or more processes than samples in a batch.
@@ -59,7 +66,7 @@ class Trainer:
             "training": asdict(config),
             "config": asdict(model.config),
             "weights": asdict(RECIPES[config.recipe]),
-            "data": {"recordings": data},
+            "data": dict(data or {}),
         }
         self.step = 0
         self.pace = Pace(config.batch)

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 import torch
@@ -86,7 +87,8 @@ def started(
         if not team.rank:
             team.wait()
         filmed = films.enter_context(_films(config, workplace)) if config.simulate else None
-        source, told = joined(samples, filmed, len(config.simulate)), samples.fingerprint() if samples else ""
+        source = joined(samples, filmed, len(config.simulate))
+        told = {"recordings": samples.fingerprint() if samples else "", **_first_weights(preset, grown_from)}
         trainer = Trainer(model, config, source, workplace.out, team=team, data=told)
         trainer.resume()
         yield trainer
@@ -98,6 +100,12 @@ def _model(preset: str, grown_from: Path | None) -> Model:
             raise BadInput(f"{preset} has weights of its own", fix=f"a shape to grow to: {', '.join(PRESETS)}")
         return load_model(preset)
     return widened(load_model(grown_from), PRESETS[preset]) if grown_from else network_of(PRESETS[preset])
+
+
+def _first_weights(preset: str, grown_from: Path | None) -> dict[str, str]:
+    """The digest of the file that a run begins from, if it does not begin from nothing."""
+    path = grown_from or (Path(preset) if preset not in PRESETS else None)
+    return {"first weights": sha256(path.read_bytes()).hexdigest()} if path else {}
 
 
 def check_data(data: list[Path], config: TrainConfig) -> None:
