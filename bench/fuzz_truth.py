@@ -8,11 +8,12 @@ from typing import Any
 import cv2
 import fuzz_predictions
 import numpy as np
+from fuzz_bag import bag_files
 from numpy.typing import NDArray
 
 from evimo.captures.capture import open_capture
 from evimo.errors import EvimoWarning
-from evimo.events.events import joined
+from evimo.events.events import Events, joined
 from evimo.formats import open_events
 from evimo.recordings.checking import findings
 from evimo.recordings.converting import convert_recording
@@ -95,6 +96,7 @@ def whole() -> dict[str, tuple[Files, str]]:
             "own folder": (_files(fuzz_predictions.truth()), ""),
             "EVIMO2 folder": (_folder(folder / "v2"), ""),
             "EV-IMO text": (_text(), ""),
+            "EV-IMO bag": (bag_files(folder, _events()), "seq_00.bag"),
         }
 
 
@@ -120,8 +122,12 @@ def captures() -> dict[str, tuple[Files, str]]:
     return {"capture": ({name: text.encode() for name, text in files.items()}, "")}
 
 
+def _events() -> Events:
+    return joined([fuzz_predictions.events_in(k) for k in range(fuzz_predictions.SLICES)])
+
+
 def _rows() -> NDArray[np.float64]:
-    events = joined([fuzz_predictions.events_in(k) for k in range(fuzz_predictions.SLICES)])
+    events = _events()
     return np.stack((events.t, events.x, events.y, events.p > 0), axis=1).astype(np.float64)
 
 

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from machines_captures import mirror, save_capture, save_fragments, save_scan
+from machines_wand import save_collected
 
 ROOT = Path(__file__).parents[1]
 NOBODY = 65534
@@ -35,7 +36,7 @@ AS_NOBODY = [
 SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 COMMANDS = (
     *("info", "check", "run", "view", "evaluate", "evaluate --truth", "realism", "simulate", "benchmark", "train"),
-    *("convert", "annotate", "locate-markers", "align-room", "download"),
+    *("convert", "annotate", "locate-markers", "align-room", "calibrate", "download"),
 )
 READING = ("info", "check")  # they write nothing
 LONGEST_S = 600
@@ -45,7 +46,7 @@ LONGEST_S = 600
 class Inputs:
     """Files that commands read: a recording of 20 s, recordings with truth, a mask for each slice of one of them.
 
-    others: a folder with a capture, fragments of a room and scans. server: of archives.
+    others: a folder with a capture, fragments of a room, scans and images of a wand. server: of archives.
     """
 
     recording: Path
@@ -59,6 +60,7 @@ class Inputs:
         """Of the command, which writes below `out`: as short a work as there is, or one that a signal can end."""
         films = sorted(map(str, self.simulated.iterdir()))
         used = films if long else films[:1]
+        some = str(self.others / ("many" if long else "one"))
         short = [] if long else ["--stop", "0.3"]
         finely = ["--spacing", "2"] if long else []
         made = ["--minutes", "5" if long else "0.003", "--seconds", "0.1", "--size", "64x48", "--set", "1"]
@@ -74,8 +76,12 @@ class Inputs:
             "check": [str(self.recording)],
             "convert": [*used, "--layout", "hdf5", "--out", str(out)],
             "annotate": [str(self.others / "capture"), "--rate", "1000" if long else "10", "--out", str(out)],
-            "locate-markers": [str(self.others / f"{'many' if long else 'one'}.ply"), "--out", str(out)],
+            "locate-markers": [f"{some}.ply", "--out", str(out)],
             "align-room": [str(self.others / "fragments.yaml"), "--out", str(out / "room.ply"), *finely],
+            "calibrate": [
+                *(some, "--target", str(self.others / "wand.yaml"), "--calibration", str(self.others / "lens.txt")),
+                *("--out", str(out / "calibration.yaml")),
+            ],
             "download": ["eval/box", "--mirror", self.server + "/slow" * long, "--out", str(out)],
             "train": [*used, "--steps", "9999" if long else "2", "--preset", "tiny", "--batch", "1", "--out", str(out)],
         }
@@ -106,8 +112,9 @@ def made_inputs(folder: Path, *, model: str = "tiny") -> Inputs:
     others.mkdir()
     save_capture(others / "capture", recording=folder / "noise.txt")
     save_fragments(others)
-    save_scan(others / "one.ply", balls=1)
-    save_scan(others / "many.ply", balls=40)
+    for name, balls, images in ("one", 1, 60), ("many", 40, 1500):
+        save_scan(others / f"{name}.ply", balls=balls)
+        save_collected(others / name, images=images)
     return Inputs(folder / "noise.txt", folder / "simulated", folder / "masks.npz", others, mirror(), model)
 
 
@@ -155,7 +162,7 @@ def at_work(command: str, inputs: Inputs, out: Path) -> Callable[[int], bool]:
 
     if command in ("info", "check", "realism"):
         return reads
-    if command in ("locate-markers", "align-room"):  # they make nothing before they are done
+    if command in ("locate-markers", "align-room", "calibrate"):  # they make nothing before they are done
         return lambda pid: _worked_s(pid) > 1.5
     return lambda pid: out.exists() and (command not in ("run", "view", "download") or any(out.iterdir()))
 
@@ -235,9 +242,8 @@ def rows(command: str, inputs: Inputs, folder: Path) -> Iterator[Row]:
     os.close(write)
     yield Row(command, "`\\| head -0`", (2,), end, hidden_in(folder), silent=True)
     with open("/dev/full", "w") as full:
-        yield Row(
-            command, "`> /dev/full`", (2,), ended(inputs.arguments(command, out / "f"), stdout=full), hidden_in(out)
-        )
+        end = ended(inputs.arguments(command, out / "f"), stdout=full)
+    yield Row(command, "`> /dev/full`", (2,), end, hidden_in(out))
     for number in SIGNALS:
         place = out / number.name
         arguments = inputs.arguments(command, place, long=True)

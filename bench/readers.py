@@ -1,9 +1,12 @@
 """Speed of every reader on the same made-up events: `python bench/readers.py [millions of events] [formats]`.
 
-Prints a table of million events per second: to open (the first pass, where a format needs one) and to read all; beside
-it the fastest reader of others that is installed (`public_readers.py`), and a plain read of the same bytes, into memory
-that is new each time and from a file in the page cache: both by the events that they hold. Best of several by processor
-time of this one process, after a warm-up. FORMATS are beginnings of names, separated by semicolons.
+Prints a table of million events per second: to open (the first pass, where a format needs one), to read all, and to
+read all by the clock on the wall; the fastest reader of others that is installed (`public_readers.py`); and two plain
+reads of the same bytes from the page cache, by the events that they hold, with the share of each that reading reaches.
+*Whole* is `open(FILE, "rb").read()`, into memory that is new each time, as `np.fromfile` does it; *in blocks* is
+`readinto` of one buffer as large as a block of the RAW reader's, again and again, so that nothing reaches memory.
+Best of several by processor time of this one process, after a warm-up. FORMATS are beginnings of names, separated by
+semicolons. The last line is what writing the decoded columns alone takes, which no reader can do without.
 """
 
 import struct
@@ -14,6 +17,7 @@ import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from bag_files import write_bag1, write_bag2
@@ -23,8 +27,10 @@ from reader_files import write_aedat2, write_aedat3, write_dat, write_evt2, writ
 from evimo.errors import EvimoWarning
 from evimo.events.events import Events
 from evimo.formats import open_events
+from evimo.formats.word_file import BLOCK_BYTES
 
-WIDTH, HEIGHT, RATE_PER_S, REPEATS, PART = 346, 260, 2_000_000, 5, 20_000
+WIDTH, HEIGHT, RATE_PER_S, REPEATS, PART, MILLIONS = 346, 260, 2_000_000, 5, 20_000, 20
+DECODED = ("u2", "u2", "i8", "i1")  # x y t p of an event
 
 
 def made_up(count: int) -> Events:
@@ -139,28 +145,32 @@ FORMATS: dict[str, Callable[[Path, Events], Path]] = {
 }
 
 
-def speeds(path: Path, count: int) -> tuple[float, float]:
-    """Million events per second: to open, to read."""
-    opening, reading = [], []
-    for _ in range(REPEATS + 1):
-        start = time.process_time()
-        recording = open_events(path)
-        opened = time.process_time()
-        seen = sum(len(packet) for packet in recording)
-        reading.append(time.process_time() - opened)
-        opening.append(opened - start)
-        assert seen > 0.999 * count, f"{path}: {seen} of {count}"
-    return tuple(count * 1e-6 / min(times[1:]) for times in (opening, reading))
+class Took(NamedTuple):
+    """Seconds that something took, of the processor and by the clock on the wall: each the shortest of several runs."""
+
+    cpu: float
+    wall: float
 
 
-def seconds(function: Callable[[], object]) -> float:
-    """The shortest of several runs, after one to warm up."""
+def took(function: Callable[[], object]) -> Took:
+    """Run it several times, after once to warm up."""
     times = []
     for _ in range(REPEATS + 1):
-        start = time.process_time()
+        cpu, wall = time.process_time(), time.perf_counter()
         function()
-        times.append(time.process_time() - start)
-    return max(min(times[1:]), 1e-6)
+        times.append((time.process_time() - cpu, time.perf_counter() - wall))
+    return Took(*(max(min(each), 1e-6) for each in zip(*times[1:], strict=True)))
+
+
+def read_by_us(path: Path, count: int) -> Took:
+    """To read all, once it is open."""
+    recording = open_events(path)
+
+    def read() -> None:
+        seen = sum(len(packet) for packet in recording)
+        assert seen > 0.999 * count, f"{path}: {seen} of {count}"
+
+    return took(read)
 
 
 def fastest_public(name: str, path: Path, count: int) -> str:
@@ -169,35 +179,63 @@ def fastest_public(name: str, path: Path, count: int) -> str:
     for reader in readers_of(name):
         try:
             if abs(reader(path) - count) < 0.001 * count:
-                found.append((count * 1e-6 / seconds(lambda reader=reader: reader(path)), reader.__name__))
+                found.append((count * 1e-6 / took(lambda reader=reader: reader(path)).cpu, reader.__name__))
         except Exception as error:
             print(f"{reader.__name__}: {type(error).__name__}: {str(error)[:100]}", file=sys.stderr)
     return "{:.1f} ({})".format(*max(found)) if found else "–"
 
 
-def plainly(path: Path) -> int:
-    """Read the bytes of a file, or of those in a folder."""
-    return sum(len(file.read_bytes()) for file in (path.iterdir() if path.is_dir() else [path]))
+def files_of(path: Path) -> list[Path]:
+    """The file, or those in a folder."""
+    return list(path.iterdir()) if path.is_dir() else [path]
+
+
+def whole(path: Path) -> int:
+    """Read all bytes into new memory."""
+    return sum(len(file.read_bytes()) for file in files_of(path))
+
+
+def in_blocks(path: Path) -> int:
+    """Read all bytes into one buffer."""
+    buffer, count = bytearray(BLOCK_BYTES), 0
+    for each in files_of(path):
+        with each.open("rb", buffering=0) as file:
+            while more := file.readinto(buffer):
+                count += more
+    return count
+
+
+def written(count: int) -> None:
+    """Write the columns of as many events, in packets as the RAW reader's."""
+    packet = BLOCK_BYTES // 4
+    sources = [np.zeros(packet, kind) for kind in DECODED]
+    for _ in range(0, count, packet):
+        for source in sources:
+            np.copyto(np.empty_like(source), source)
 
 
 def main() -> None:
     """Write, open and read each format."""
-    events = made_up(int(float(sys.argv[1] if len(sys.argv) > 1 else 2) * 1e6))
+    count = int(float(sys.argv[1] if len(sys.argv) > 1 else MILLIONS) * 1e6)
     wanted = tuple((sys.argv[2] if len(sys.argv) > 2 else "").split(";"))
     warnings.simplefilter("ignore", EvimoWarning)
-    print("| format | open | read | fastest of others | plain read | bytes per event |")
-    print(f"|---|{'---:|' * 5}")
+    events, millions = made_up(count), count * 1e-6
+    heads = ("format", "bytes per event", "open", "read", "by the wall", "fastest of others", "plain, whole", "share")
+    print(f"| {' | '.join((*heads, 'plain, in blocks', 'share'))} |\n|---|{'---:|' * 9}")
     for name, write in FORMATS.items():
         if not name.startswith(wanted):
             continue
         with tempfile.TemporaryDirectory() as folder:
             path = write(Path(folder), events)
-            size = plainly(path)
-            opening, reading = speeds(path, len(events))
-            plain = len(events) * 1e-6 / seconds(lambda path=path: plainly(path))
-            others = fastest_public(name, path, len(events))
-        bytes_each = size / len(events)
-        print(f"| {name} | {opening:,.0f} | {reading:.1f} | {others} | {plain:,.0f} | {bytes_each:.1f} |", flush=True)
+            size = whole(path)
+            opening, reading = took(partial(open_events, path)), read_by_us(path, count)
+            at_once, blocks = took(partial(whole, path)), took(partial(in_blocks, path))
+            others = fastest_public(name, path, count)
+        ours = f"{millions / opening.cpu:,.0f} | {millions / reading.cpu:.0f} | {millions / reading.wall:.0f}"
+        plain = (f"{millions / each.cpu:,.0f} | {each.cpu / reading.cpu:.0%}" for each in (at_once, blocks))
+        print(f"| {name} | {size / count:.1f} | {ours} | {others} | {' | '.join(plain)} |", flush=True)
+    floor = took(partial(written, count))
+    print(f"\nwriting the columns: {millions / floor.cpu:,.0f}, by the wall {millions / floor.wall:,.0f}")
 
 
 if __name__ == "__main__":

@@ -37,6 +37,44 @@ def test_evt3_words_by_hand():
     assert p.tolist() == [1, 1, 1, 1, -1]
 
 
+def mixed_words(rng, count):
+    """Words of all kinds in any order under a clock that goes on, and the events that they mean, one by one."""
+    codes, events, t, row, base, sign = [(8, 0), (6, 0), (3, 0)], [], 0, 0, 0, -1
+    for kind in rng.choice([0, 2, 2, 3, 4, 5, 6, 8, 10, 14], count).tolist():
+        value = int(rng.integers(4096))
+        if kind == 0:
+            row = value & 0x7FF
+        elif kind == 2:
+            events.append((value & 0x7FF, row, t, 1 if value >> 11 else -1))
+        elif kind == 3:
+            value &= 0xBFF  # columns below 1024
+            base, sign = value & 0x7FF, 1 if value >> 11 else -1
+        elif kind in (4, 5):
+            events += [(base + k, row, t, sign) for k in range(12) if value >> k & 1]
+            base += 12 if kind == 4 else 8
+        elif kind == 6:
+            t += int(rng.integers(200))
+            codes += [(8, t >> 12)] if t >> 12 != codes_high(codes) else []
+            value = t & 0xFFF
+        elif kind == 8:
+            value = codes_high(codes)  # once more
+        codes.append((kind, value))
+    return words(*codes), events
+
+
+def codes_high(codes):
+    return next(value for kind, value in reversed(codes) if kind == 8)
+
+
+@pytest.mark.parametrize("block", [100, 2_000, 1 << 30])
+def test_evt3_words_of_all_kinds_are_as_one_by_one(block):
+    for seed in range(4):
+        stream, events = mixed_words(np.random.default_rng(seed), 12_000)
+        found, lost = Kind(None, decode_evt3, partial(evt3_state, 0), 12).decoded(stream, block=block)
+        columns = zip(found.x.tolist(), found.y.tolist(), found.t.tolist(), found.p.tolist(), strict=True)
+        assert list(columns) == events and lost == 0
+
+
 def test_evt3_clock_wraps_every_24_bits_and_starts_in_the_expected_round():
     stream = words(*((8, 4095), (6, 0), (2, 1)), *((8, 0), (6, 2), (2, 1)), *((8, 1), (6, 3), (2, 1)))
     t = decode_evt3(stream, evt3_state(0), True)[2]

@@ -34,3 +34,14 @@ def test_a_size_that_cannot_be_is_damage(tmp_path, size):
     assert tracemalloc.get_traced_memory()[1] < 1_000_000
     tracemalloc.stop()
     assert read_picture(tmp_path / "none.png") is None
+
+
+def test_a_header_whose_sum_is_wrong_is_not_decoded(tmp_path, monkeypatch):
+    """OpenCV took 2 GB for a picture of 252 bytes in whose header bytes were put in."""
+    whole = cv2.imencode(".png", np.zeros((20, 30, 3), np.uint16))[1].tobytes()
+    decoded = []
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: decoded.append(True))
+    for at in range(8, 33):
+        (tmp_path / "a.png").write_bytes(whole[:at] + b"\0\0\0" + whole[at:])
+        assert read_picture(tmp_path / "a.png") is None
+    assert not decoded

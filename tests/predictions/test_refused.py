@@ -201,12 +201,21 @@ def test_a_list_of_times_that_is_no_text_is_one_error(save_pictures, truth, all_
     refused(pictures, truth, BadFile, "not name,time")
 
 
-@pytest.mark.parametrize("name", ["attributes", "a dataset"])
-def test_hdf5_that_breaks_inside_is_one_error(save_estimates, truth, all_ids, tmp_path, monkeypatch, name):
-    path = save_estimates(tmp_path / "estimates.h5", all_ids)
+PARTS = {
+    "attributes": (h5py.AttributeManager, "__iter__"),
+    "a dataset": (h5py.Group, "get"),
+    "a name": (h5py.Group, "__contains__"),
+}
+
+
+@pytest.mark.parametrize("part", PARTS.values(), ids=list(PARTS))
+def test_hdf5_that_breaks_inside_is_one_error(save_estimates, truth, all_ids, tmp_path, monkeypatch, part):
+    (tmp_path / "run").mkdir()
+    path = save_estimates(tmp_path / "run" / "estimates.h5", all_ids)
 
     def broken(*_):
         raise RuntimeError("bad heap signature")
 
-    monkeypatch.setattr(*((h5py.AttributeManager, "__iter__") if name == "attributes" else (h5py.Group, "get")), broken)
+    monkeypatch.setattr(*part, broken)
+    refused(path.parent, truth, BadFile, "is damaged: bad heap signature")
     refused(path, truth, BadFile, "is damaged: bad heap signature")

@@ -200,8 +200,11 @@ def array_message(part):
     )
 
 
-def v1_bag(folder, *, lost=(), rig_as=lambda pose: pose):
-    """EV-IMO's bag with its three text files; object 2 is occluded from and to these times, µs."""
+def v1_bag(folder, *, lost=(), again_us=0, rig_as=lambda pose: pose):
+    """EV-IMO's bag with its three text files; object 2 is occluded from and to these times, µs.
+
+    The first events come again, so much later, where that is not 0.
+    """
     folder.mkdir(parents=True)
     types = get_typestore(Stores.ROS1_NOETIC)
     found, path = all_events(), folder / "seq_00.bag"
@@ -215,6 +218,10 @@ def v1_bag(folder, *, lost=(), rig_as=lambda pose: pose):
         )
         if len(part):
             messages.append((int(part.t[0]) + EPOCH_US + RECEIVED_US, "/dvs/events", array_message(part)))
+    if again_us:
+        part = found.part(0, 500)
+        late = type(part)(part.x, part.y, part.t + again_us, part.p)
+        messages.append((STOP_US + EPOCH_US + RECEIVED_US, "/dvs/events", array_message(late)))
     times = np.arange(0, STOP_US, 5000)
     track = in_v1_axes(poses(times))
     for k, t in enumerate(times.tolist()):

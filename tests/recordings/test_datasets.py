@@ -411,3 +411,11 @@ def test_meta_as_text_is_read_as_the_pickle_is(tmp_path):
         two = open_recording(v1_npz(tmp_path / f"{name}.npz", meta=np.array(words)))
         np.testing.assert_array_equal(one.times_us, two.times_us)
         np.testing.assert_array_equal(one.truth(3).ego, two.truth(3).ego)
+
+
+def test_events_of_a_bag_a_lifetime_later_make_no_frames(tmp_path):
+    usual = open_recording(v1_bag(tmp_path / "a")).times_us
+    sixty_years_us = 60 * 365 * 86_400_000_000
+    later = open_recording(v1_bag(tmp_path / "b", again_us=sixty_years_us)).times_us
+    assert later[: len(usual)].tolist() == usual.tolist()
+    assert len(later) <= len(usual) + 3  # beside the last poses

@@ -21,7 +21,7 @@ from evimo.formats.evt_clock_kernel import (
 )
 
 BITS, LOW_BITS = 28, 6
-SHIFT, HIGH = np.uint32(28), np.uint32(8)
+SHIFT, HIGH, PIXEL = np.uint32(28), np.uint32(8), np.uint16(0x7FF)
 NEAR = 4096  # units of 64 µs
 HASH = np.uint32(0x077CB531)  # whose upper five bits tell apart all products with powers of two (de Bruijn)
 PLACES = np.zeros(32, np.int64)
@@ -48,11 +48,15 @@ def decode_evt2(words, state, final):
     sound, now, count, lost, at = state[SOUND], state[CLOCK] << LOW_BITS, 0, 0, 0
     for number in range(len(places) + 1):
         until = min(places[number], stop) if number < len(places) else stop
-        first = count
-        for word in words[at:until]:
-            x[count], y[count] = word >> 11 & 0x7FF, word & 0x7FF
-            t[count], p[count] = now | (word >> 22 & 0x3F), (word >> 27 & 2) - 1
-            count += word >> 29 == 0
+        first, some = count, words[at:until]
+        if all_changes(some):
+            count += len(some)
+            spread(some, now, (x[first:count], y[first:count], t[first:count], p[first:count]))
+        else:
+            for word in some:
+                x[count], y[count] = word >> 11 & 0x7FF, word & 0x7FF
+                t[count], p[count] = now | (word >> 22 & 0x3F), (word >> 27 & 2) - 1
+                count += word >> 29 == 0
         if sound != 1:
             lost, count = lost + (count - first) * (sound == 2), first
         if until == stop:
@@ -65,6 +69,26 @@ def decode_evt2(words, state, final):
 
 
 @njit(nogil=True)
+def all_changes(words):
+    """Whether all words are events, OFF or ON."""
+    bits = np.uint32(0)
+    for word in words:
+        bits |= word
+    return bits >> np.uint32(29) == 0
+
+
+@njit(nogil=True)
+def spread(words, now, columns):
+    """Columns of words that are all events, many at a time."""
+    x, y, t, p = columns
+    for at in range(len(words)):
+        word = words[at]
+        x[at], y[at] = np.uint16(word >> np.uint32(11)) & PIXEL, np.uint16(word) & PIXEL
+        t[at] = now | np.int64(word >> np.uint32(22) & np.uint32(0x3F))
+        p[at] = (np.int8(word >> np.uint32(27)) & np.int8(2)) - np.int8(1)
+
+
+@njit(nogil=True)
 def _stop(count, clocks, places):
     """The place of the first TIME HIGH that must wait for what follows, `count` if there is none."""
     for at in range(len(clocks)):
@@ -74,34 +98,55 @@ def _stop(count, clocks, places):
 
 
 @njit(nogil=True)
+def singled(heads, pixels, events):
+    """Write one number for each pixel that saw an event, the head of its word and the pixel's place; their number."""
+    count = np.uint64(0)
+    for at in range(len(heads)):
+        head, seen = np.int64(heads[at]), pixels[at]
+        while seen != 0:
+            lowest = np.uint32(seen & (~seen + np.uint32(1)))
+            events[count] = PLACES[np.uint32(lowest * HASH) >> np.uint32(27)] << 32 | head
+            count, seen = count + np.uint64(1), seen ^ lowest
+    return np.int64(count)
+
+
+@njit(nogil=True)
+def spread_single(columns, now):
+    """Columns of events, from those numbers in place of their times: many at a time."""
+    x, y, t, p = columns
+    for at in range(len(t)):
+        event = t[at]
+        x[at], y[at] = np.uint16(event >> 32) + (np.uint16(event >> 11) & PIXEL), np.uint16(event) & PIXEL
+        p[at], t[at] = (np.int8(event >> 27) & np.int8(2)) - np.int8(1), now | (event >> 22 & 0x3F)
+
+
+@njit(nogil=True)
 def decode_evt21(halves, state, final, head):
     """Events of EVT 2.1 words, (N, 2) u4, half number `head` of which tells the kind; as `decode_evt2`."""
-    heads, pixels = halves[:, head], halves[:, 1 - head]
-    most = 1
-    for at in range(len(heads)):
-        most += _ones(pixels[at]) if heads[at] >> 29 == 0 else 0
+    heads, pixels = np.empty(len(halves), np.uint32), np.empty(len(halves), np.uint32)
+    for at in range(len(halves)):
+        heads[at], pixels[at] = halves[at, head], halves[at, 1 - head]
     values, places = clock_words(heads, SHIFT, HIGH)
     clocks = believed_clocks(values, state, BITS, NEAR, final)
-    stop = _stop(len(heads), clocks, places)
+    stop, most = _stop(len(heads), clocks, places), 0
+    for at in range(stop):
+        pixels[at] *= np.uint32(heads[at] >> np.uint32(29) == 0)
+        most += _ones(pixels[at])
     x, y = np.empty(most, np.uint16), np.empty(most, np.uint16)
     t, p = np.empty(most, np.int64), np.empty(most, np.int8)
-    sound, now, count, lost, number = state[SOUND], state[CLOCK] << LOW_BITS, 0, 0, 0
-    for at in range(stop):
-        word, seen = heads[at], pixels[at]
-        if word >> 29 == 0 and sound == 1:
-            column, row, polarity = word >> 11 & 0x7FF, word & 0x7FF, (word >> 27 & 2) - 1
-            time = now | (word >> 22 & 0x3F)
-            while seen != 0:
-                lowest = np.uint32(seen & (~seen + np.uint32(1)))
-                place = PLACES[np.uint32(lowest * HASH) >> np.uint32(27)]
-                x[count], y[count], t[count], p[count] = column + place, row, time, polarity
-                count += 1
-                seen ^= lowest
-        elif word >> 29 == 0:
-            lost += _ones(seen) * (sound == 2)
-        elif word >> 28 == 8:
-            sound = 2 if clocks[number] == LOST else 1
-            now, number = clocks[number] << LOW_BITS, number + 1
+    sound, now, count, lost, at = state[SOUND], state[CLOCK] << LOW_BITS, 0, 0, 0
+    for number in range(len(places) + 1):
+        until = min(places[number], stop) if number < len(places) else stop
+        last = count + singled(heads[at:until], pixels[at:until], t[count:])
+        if sound == 1:
+            spread_single((x[count:last], y[count:last], t[count:last], p[count:last]), now)
+            count = last
+        else:
+            lost += (last - count) * (sound == 2)
+        if until == stop:
+            break
+        sound = 2 if clocks[number] == LOST else 1
+        now, at = clocks[number] << LOW_BITS, until + 1
     advance(state, clocks[:number], NEAR)
     state[SOUND] = sound
     return x[:count], y[:count], t[:count], p[:count], stop, lost

@@ -9,6 +9,18 @@ and the rest carry no events.
 import numpy as np
 
 from evimo.compiling import njit
+from evimo.formats.evt3_steady_kernel import (
+    LARGEST_BASE,
+    LOWEST_BIT,
+    TOGETHER,
+    at_first,
+    at_last,
+    gathered,
+    gathered_vectors,
+    ones,
+    spread,
+    with_vectors,
+)
 from evimo.formats.evt_clock_kernel import (
     CLOCK,
     CLOCK_STATE,
@@ -22,18 +34,18 @@ from evimo.formats.evt_clock_kernel import (
 )
 
 BITS = 12
-SHIFT, ONE, SINGLE, VECTOR, HIGH = (np.uint16(number) for number in (12, 1, 2, 2, 8))
+SHIFT, ONE, SINGLE, VECTOR, HIGH, TIME_LOW, BITS_OF = (np.uint16(number) for number in (12, 1, 2, 2, 8, 6, 0xFFF))
 NEAR = 64  # units of 4.096 ms
 SOONER_US = 1 << 20  # the first time is before `expected_us`, or later by less than this
 
 NONE_YET, GOOD, BAD = 0, 1, 2  # what the last TIME HIGH was
-LOWEST_BIT = np.array([(bits & -bits).bit_length() - 1 for bits in range(1 << BITS)], np.int8)
 
 # What EVT 3 keeps from one block of words to the next, after what its clock keeps: the lower bits of the time, their
 # highest value since the last TIME HIGH and the one before that, what that was, and where pixels and polarity are.
 LOW, TOP, BEFORE, SOUND, ROW, BASE, POLARITY, STATE_SIZE = (CLOCK_STATE + at for at in range(8))
-# Of one block: events that are kept and lost, and how many were kept when the lower bits last changed.
-COUNT, GONE, MARK, TALLY_SIZE = 0, 1, 2, 3
+# Of one block: events that are kept and lost, how many were kept when the lower bits last changed, how many TIME HIGH
+# words there were, and the upper bits of the time.
+COUNT, GONE, MARK, NUMBER, UPPER, TALLY_SIZE = range(6)
 
 
 @njit(nogil=True)
@@ -41,7 +53,7 @@ def evt3_state(expected_us):
     """The state before the first word; the sensor's 24-bit clock is placed in the last round before expected_us."""
     state = np.zeros(STATE_SIZE, np.int64)
     state[CLOCK] = state[LOW] = state[TOP] = state[BEFORE] = UNKNOWN
-    state[EXPECTED] = (expected_us + SOONER_US) >> BITS
+    state[EXPECTED], state[POLARITY] = (expected_us + SOONER_US) >> BITS, -1
     return state
 
 
@@ -99,7 +111,8 @@ def decode_evt3(words, state, final):
     x, y = np.empty(most + 1, np.uint16), np.empty(most + 1, np.uint16)
     t, p = np.empty(most + 1, np.int64), np.empty(most + 1, np.int8)
     tally = np.zeros(TALLY_SIZE, np.int64)
-    decode_words(words, stop, clocks, state, tally, (x, y, t, p))
+    tally[UPPER] = state[CLOCK] << BITS
+    decode_stretches(words, stop, (clocks, places), state, tally, (x, y, t, p))
     if 0 < stop < len(words) and not final and words[stop] & 0xFFF < state[TOP]:
         low = lower(np.int64(words[stop] & 0xFFF), next_low(words, stop), state[TOP], state[BEFORE])
         if low[3]:
@@ -118,14 +131,95 @@ def undo(tally):
 
 
 @njit(nogil=True)
-def decode_words(words, stop, clocks, state, tally, columns):
-    """The events of the words before number `stop`; those after it are looked at where times go back."""
+def decode_stretches(words, stop, high_words, state, tally, columns):
+    """The events of the words before number `stop`: those of usual stretches at once, others word by word."""
+    clocks, places = high_words
+    at = np.int64(0)
+    while at < stop:
+        until = min(at + TOGETHER, usual_until(stop, clocks, places, tally))
+        usual = until > at and is_usual(state)
+        if not usual:
+            until = after_low(words, at, min(stop, at + TOGETHER))
+        if usual and decode_usual(words[at:until], state, tally, columns):
+            while tally[NUMBER] < len(places) and places[tally[NUMBER]] < until:
+                tally[NUMBER] += 1
+        else:
+            decode_words(words, at, until, clocks, state, tally, columns)
+        at = until
+
+
+@njit(nogil=True)
+def is_usual(state):
+    """Whether events are kept, and the lower bits of their time are the highest so far."""
+    return state[SOUND] == GOOD and 0 <= state[LOW] == state[TOP] and state[BASE] <= LARGEST_BASE
+
+
+@njit(nogil=True)
+def usual_until(stop, clocks, places, tally):
+    """The place of the next TIME HIGH that changes the upper bits of the time: most repeat them."""
+    number, clock = tally[NUMBER], tally[UPPER] >> BITS
+    while number < len(clocks) and places[number] < stop and clocks[number] == clock:
+        number += 1
+    return min(places[number], stop) if number < len(clocks) else stop
+
+
+@njit(nogil=True)
+def after_low(words, at, stop):
+    """The place after the next TIME LOW."""
+    while at < stop and words[at] >> SHIFT != TIME_LOW:
+        at += 1
+    return min(at + 1, stop)
+
+
+@njit(nogil=True)
+def decode_usual(words, state, tally, columns):
+    """The events of words that are as usual, all at once; False, and nothing is changed, where they prove not to be."""
+    known = at_first(state[LOW], state[BASE], state[POLARITY], state[ROW])
+    x, y, t, p = columns
+    first = tally[COUNT]
+    if with_vectors(words):
+        count, known, back = gathered_vectors(words, known, t[first:])
+    else:
+        count, known, back = gathered(words, known, t[first:])
+    if back < 0:
+        return False
+    last = first + count
+    spread((x[first:last], y[first:last], t[first:last], p[first:last]), tally[UPPER])
+    tally[COUNT] = last
+    keep_lows(words, state, tally)
+    state[BASE], state[POLARITY], state[ROW] = at_last(known)
+    return True
+
+
+@njit(nogil=True)
+def keep_lows(words, state, tally):
+    """Keep the last TIME LOW, the one before it, and how many events were kept when it came."""
+    since, last, at = 0, np.int64(UNKNOWN), len(words)
+    while at > 0:
+        at -= 1
+        kind, value = words[at] >> SHIFT, np.int64(words[at] & BITS_OF)
+        if kind == TIME_LOW and last == UNKNOWN:
+            last, tally[MARK] = value, tally[COUNT] - since
+        elif kind == TIME_LOW:
+            state[LOW], state[TOP], state[BEFORE] = last, last, value
+            return
+        elif kind == SINGLE:
+            since += 1
+        elif kind >> ONE == VECTOR:
+            since += ones(value)
+    if last != UNKNOWN:
+        state[BEFORE], state[LOW], state[TOP] = state[TOP], last, last
+
+
+@njit(nogil=True)
+def decode_words(words, start, stop, clocks, state, tally, columns):
+    """The events of the words from `start` to before `stop`; those after it are looked at where times go back."""
     x, y, t, p = columns
     low, top, before, sound = state[LOW], state[TOP], state[BEFORE], state[SOUND]
     row, base, polarity = state[ROW], state[BASE], state[POLARITY]
-    count, gone, mark, high, number = 0, 0, 0, state[CLOCK] << BITS, 0
+    count, gone, mark, number, high = tally[COUNT], tally[GONE], tally[MARK], tally[NUMBER], tally[UPPER]
     kept, missed, now = standing(sound, high, low)
-    for place in range(stop):
+    for place in range(start, stop):
         kind, value = np.int64(words[place] >> 12), np.int64(words[place] & 0xFFF)
         if kind == 2:
             x[count], y[count], t[count], p[count] = value & 0x7FF, row, now, 2 * (value >> 11) - 1
@@ -156,7 +250,7 @@ def decode_words(words, stop, clocks, state, tally, columns):
             base, polarity = value & 0x7FF, 2 * (value >> 11) - 1
     state[LOW], state[TOP], state[BEFORE], state[SOUND] = low, top, before, sound
     state[ROW], state[BASE], state[POLARITY] = row, base, polarity
-    tally[COUNT], tally[GONE], tally[MARK] = count, gone, mark
+    tally[COUNT], tally[GONE], tally[MARK], tally[NUMBER], tally[UPPER] = count, gone, mark, number, high
 
 
 @njit(nogil=True)

@@ -1,6 +1,7 @@
 """Pictures from files, those of damaged ones refused before memory is taken for what their headers claim."""
 
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-PNG = struct.Struct(">8s4x4sIIBB")
+PNG = struct.Struct(">8sI4sIIBB3xI")  # up to the checksum of its header
+HEADER = slice(12, 29)  # what that sum is of
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by the type of colours
 DENSEST = 1100  # bytes of pixels from one byte of a PNG: deflate cannot pack more
 MOST_PIXELS = 100_000_000
@@ -29,7 +31,9 @@ def _is_possible(raw: bytes) -> bool:
     """Whether a PNG of so many bytes can have the size that its header tells; of other formats OpenCV decides."""
     if len(raw) < PNG.size or not raw.startswith(b"\x89PNG"):
         return True
-    _, kind, width, height, depth, colours = PNG.unpack_from(raw)
-    if kind != b"IHDR" or width * height > MOST_PIXELS:
+    _, length, kind, width, height, depth, colours, told = PNG.unpack_from(raw)
+    if kind != b"IHDR" or length != 13 or zlib.crc32(raw[HEADER]) != told:
+        return False  # OpenCV goes on with what it takes for a size
+    if not 0 < width * height <= MOST_PIXELS:
         return False
     return width * height * depth * CHANNELS.get(colours, 1) // 8 <= DENSEST * len(raw)

@@ -85,7 +85,8 @@ class _Estimates:
 
     def __init__(self, path: Path, file: h5py.File, sensor: tuple[int, int]) -> None:
         self._path = path
-        self._says_what_moves = any(name in file for name in OF_OBJECTS)
+        with sound(path):
+            self._says_what_moves = any(name in file for name in OF_OBJECTS)
         left_out = () if self._says_what_moves else OF_OBJECTS
         self._data = {name: self._dataset(file, name) for name in KINDS if name not in left_out}
         maps = [name for name in MAPS if name not in left_out]
@@ -125,9 +126,9 @@ class _Estimates:
     def _dataset(self, file: h5py.File, name: str) -> Any:
         with sound(self._path):
             dataset = file.get(name)
-        if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind != KINDS[name]:
-            raise BadFile(f"{self._path} lacks `{name}`, or holds it in another type", fix=DAMAGED)
-        return dataset
+            if isinstance(dataset, h5py.Dataset) and dataset.dtype.kind == KINDS[name]:
+                return dataset
+        raise BadFile(f"{self._path} lacks `{name}`, or holds it in another type", fix=DAMAGED)
 
     def _read(self, name: str, at: Any) -> NDArray[Any]:
         with sound(self._path):

@@ -27,6 +27,7 @@ from evimo.recordings.pose_words import V1_FROM_CAM, in_own_axes
 F8 = NDArray[np.float64]
 RIG, OBJECTS = "/vicon/DVS346", {1: "/vicon/Object_1", 2: "/vicon/Object_2", 3: "/vicon/Object_3"}
 FRAME_US, FIRST_US = 25_000, 200_000  # of the dataset's own frames
+NEAR_FRAMES = 2  # gaps of poses of up to 50 ms are bridged
 COPY = "copy the whole folder of the recording from the dataset"
 
 
@@ -60,13 +61,22 @@ def open_bag(path: Path) -> tuple[DatasetParts, Paths]:
     origin_us = _first_message_us(bag) - events.start_us - offset_us
     rig, objects = _tracked(bag, path, origin_us)
     paths = _paths(rig, objects, rig_from_cam)
-    times = np.arange(events.start_us + FIRST_US, events.stop_us, FRAME_US, dtype=np.int64)
+    numbers = _near_poses(rig.times_us - (events.start_us + FIRST_US))
+    times = events.start_us + FIRST_US + FRAME_US * numbers
+    numbers, times = numbers[times < events.stop_us], times[times < events.stop_us]
     exact = paths.motions(times)
     known = np.isfinite(exact["ego"]).all(axis=1)
     if not known.any():
         raise BadFile(f"{path}: no pose of the camera is of the events' time", fix=COPY)
     cut = {name: values if name == "object_ids" else values[known] for name, values in exact.items()}
-    return DatasetParts(path, NoMaps(camera.size), np.flatnonzero(known), camera, cut), paths
+    return DatasetParts(path, NoMaps(camera.size), numbers[known], camera, cut), paths
+
+
+def _near_poses(since_us: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers of the frames that lie near poses: of others nothing is known, however long a recording says it is."""
+    near = np.unique(since_us // FRAME_US)
+    near = np.unique(near[:, None] + np.arange(-NEAR_FRAMES, NEAR_FRAMES + 2))
+    return near[near >= 0]
 
 
 def _first_message_us(bag: Rosbag1) -> int:

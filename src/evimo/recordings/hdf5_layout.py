@@ -31,7 +31,7 @@ def is_own_hdf5(path: Path) -> bool:
     try:
         with h5py.File(path, "r") as file:
             return MARK in file.attrs and "truth" in file
-    except OSError:
+    except DAMAGES:
         return False
 
 
