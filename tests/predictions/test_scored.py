@@ -199,7 +199,7 @@ def test_the_report_is_saved_with_what_its_numbers_depend_on(save_estimates, tru
     path = save_estimates(tmp_path / "run" / "estimates.h5", all_ids)
     assert main(["evaluate", str(path), "--truth", str(truth), "--out", str(tmp_path / "out")]) == 0
     saved = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert saved["format"] == 3
+    assert saved["format"] == 4
     assert saved["settings"]["model sha256"] == "0123" and saved["settings"]["masks within ms"] == 1
     assert len(saved["ranked"][MODEL]["frame_iou"]) == 6
     page = (tmp_path / "out" / "report.md").read_text()
