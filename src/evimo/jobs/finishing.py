@@ -17,7 +17,7 @@ from evimo.jobs.processes import Processes, packed
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-SAID = 3  # failures that the error quotes
+SAID = 3  # failures that the error quotes, recordings that a warning names
 
 
 class Pending(Protocol):
@@ -40,7 +40,7 @@ def finished(
     A job whose process or machine dies is done again. Where the caller stops early or this process dies, jobs that
     have not begun are dropped and those under way are broken off; they clean up after themselves. One that finds a
     file missing or broken costs its own result, and the error comes after all others; any other error ends all. What
-    many recordings warn of is told of the first one, and how many more there were at the end.
+    many recordings warn of is told of the first three, and how many more there were at the end.
 
     Args:
         work: a function of some module, or a `partial` of one. It writes files, and returns at once where they are
@@ -73,18 +73,18 @@ def finished(
 
 
 def _warn(name: object, problems: Iterable[str], warned: Counter[str]) -> None:
-    """Warn of what is new, and count it by recordings."""
+    """Warn of what only few had so far, and count it by recordings."""
     for problem in problems:
-        if problem not in warned:
+        if warned[problem] < SAID:
             warnings.warn(_named(name, problem), EvimoWarning, stacklevel=3)
         warned[problem] += 1
 
 
 def _warn_of_more(warned: Counter[str]) -> None:
-    """Warn of how many more recordings had what the first one had."""
+    """Warn of how many more recordings had what the first ones had."""
     for problem, recordings in warned.items():
-        if recordings > 1:
-            warnings.warn(EvimoWarning(f"{recordings - 1} more of them: {problem}"), stacklevel=3)
+        if recordings > SAID:
+            warnings.warn(EvimoWarning(f"{recordings - SAID} more of them: {problem}"), stacklevel=3)
 
 
 def _outcomes(
