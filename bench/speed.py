@@ -125,51 +125,51 @@ def onnx() -> Iterator[Row]:
     """Both passes of one slice, as deployed against their own eager forward pass."""
     if find_spec("torch") is None:
         raise Skipped("torch is not installed: the eager pass needs evimo[train]")
+    from evimo.errors import NotFound
+
+    try:
+        ms = medians_ms(ways_of_passes())
+    except NotFound as error:
+        raise Skipped(error.problem) from error
+    for name in ("first", "second"):
+        note = f"{MODEL}, {SIZE[1]}x{SIZE[0]}: ONNX Runtime {ms[name]:.1f} ms, eager {ms[f'eager_{name}']:.1f} ms"
+        yield row(f"onnx_{name}_pass_ms", ms[name], "ms/slice", note=note)
+    times = (ms["eager_first"] + ms["eager_second"]) / (ms["first"] + ms["second"])
+    yield row("onnx_vs_eager", times, "times", must=1.3, aim=3.0, note="both passes", **ms)
+
+
+def ways_of_passes() -> dict[str, Callable[[], Any]]:
+    """Each pass of the network on one made-up slice, by ONNX Runtime and by torch."""
     import torch
 
     import evimo as package
-    from evimo.errors import NotFound
     from evimo.events.local_motion import motion_candidates
     from evimo.events.stack import plane_fits, voxel_grid
-    from evimo.model.export import First, Second
+    from evimo.model.export import FIRST_INPUTS, SECOND_INPUTS, First, Second
     from evimo.streaming.inference import Network, Seen
 
-    try:
-        network, model = Network(MODEL, workers=1, threads=CORES), package.load_model(MODEL)
-    except NotFound as error:
-        raise Skipped(error.problem) from error
+    network, model = Network(MODEL, workers=1, threads=CORES), package.load_model(MODEL)
     torch.set_num_threads(CORES)
     size = tuple(-(-side // network.stride) * network.stride for side in SIZE)
-    half = size[0] // 2, size[1] // 2
-    stack = random_stack(50_000)
+    half, stack = (size[0] // 2, size[1] // 2), random_stack(50_000)
     fits, valid = plane_fits(stack, half), np.ones(half, np.float32)
     lens = np.array([258, 258, 173, 130], np.float32), np.zeros(4, np.float32)
     first = Seen(voxel_grid(stack, half, step=2), fits, valid, *lens)
     second = Seen(voxel_grid(stack, (size[0], size[1])), fits, valid, *lens)
     candidates = motion_candidates(first.voxels)
     motion = network.first(first, candidates)
-    of_first, of_second = ([torch.from_numpy(each) for each in seen.feeds().values()] for seen in (first, second))
-    of_first.insert(2, torch.from_numpy(candidates[None]))
-    taken = [torch.from_numpy(each) for each in (motion.ego[None], motion.rel_depth[None, None])]
-    taken += [torch.from_numpy(each[None]) for each in (motion.flow,)]
-    parts = First(model).eval(), Second(model).eval()
+    taken = {"taken_ego": motion.ego, "taken_depth": motion.rel_depth[None], "taken_seen": motion.flow}
 
-    def eager(part: torch.nn.Module, *inputs: torch.Tensor) -> None:
-        with torch.no_grad():
-            part(*inputs)
+    def eager(part: torch.nn.Module, names: tuple[str, ...], feeds: dict[str, Any]) -> Callable[[], Any]:
+        inputs = [torch.from_numpy(feeds[name][None]) for name in names]
+        return torch.no_grad()(lambda: part.eval()(*inputs))
 
-    ways: dict[str, Callable[[], Any]] = {
+    return {
         "first": lambda: network.first(first, candidates),
         "second": lambda: network.second(second, motion),
-        "eager_first": lambda: eager(parts[0], *of_first),
-        "eager_second": lambda: eager(parts[1], *of_second, *taken),
+        "eager_first": eager(First(model), FIRST_INPUTS, first.feeds() | {"candidates": candidates}),
+        "eager_second": eager(Second(model), SECOND_INPUTS, second.feeds() | taken),
     }
-    ms = medians_ms(ways)
-    for name in ("first", "second"):
-        note = f"{MODEL}, {SIZE[1]}x{SIZE[0]}: ONNX Runtime {ms[name]:.1f} ms, eager {ms[f'eager_{name}']:.1f} ms"
-        yield row(f"onnx_{name}_pass_ms", ms[name], "ms/slice", note=note)
-    times = (ms["eager_first"] + ms["eager_second"]) / (ms["first"] + ms["second"])
-    yield row("onnx_vs_eager", times, "times", must=1.3, aim=3.0, note="both passes", **ms)
 
 
 def random_stack(count: int) -> Any:
