@@ -190,20 +190,18 @@ def test_a_slice_is_found_by_the_times_of_its_events(tmp_path, layout):
 
 
 @every_layout
-def test_a_frame_with_maps_and_without_its_camera_is_an_error(tmp_path, layout):
+@pytest.mark.parametrize(
+    ("part", "number", "said"),
+    [
+        ("frames", 3, "has maps, and lacks 'cam', the camera's pose"),
+        ("full_trajectory", 70, "lacks 'cam'"),
+    ],
+)
+def test_what_lacks_the_pose_of_its_camera_is_an_error(tmp_path, layout, part, number, said):
     meta = meta_of(layout)
-    del meta["frames"][3]["cam"]
+    del meta[part][number]["cam"]
     path = EVERY[layout](tmp_path, meta)
-    with pytest.raises(BadFile, match=r"\['frames'\]\[3\] has maps, and lacks 'cam', the camera's pose\n  try: copy"):
-        open_recording(path)
-
-
-@every_layout
-def test_a_sample_of_the_trajectory_without_the_camera_is_an_error(tmp_path, layout):
-    meta = meta_of(layout)
-    del meta["full_trajectory"][70]["cam"]
-    path = EVERY[layout](tmp_path, meta)
-    with pytest.raises(BadFile, match=r"a.*\['full_trajectory'\]\[70\] lacks 'cam'\n  try: copy"):
+    with pytest.raises(BadFile, match=rf"a.*\['{part}'\]\[{number}\] {said}\n  try: copy"):
         open_recording(path)
 
 
