@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from lz4.frame import compress
+from reader_files import evt3_words
 from rosbags import rosbag1, rosbag2
 
 from evimo.events.events import Events
@@ -67,12 +68,10 @@ def array(part: Events, *, cdr: bool) -> bytes:
 
 
 def packet(part: Events, encoding: str, *, cdr: bool) -> bytes:
-    """An event_camera_msgs/EventPacket; in EVT 3 every event has all its words: time high, time low, row, column."""
+    """An event_camera_msgs/EventPacket; in EVT 3 its words are those of a camera, which a driver passes on."""
     base = 0
     if encoding == "evt3":
-        column = 2 << 12 | (part.p > 0).astype(np.uint16) << 11 | part.x
-        words = np.stack([8 << 12 | part.t >> 12 & 0xFFF, 6 << 12 | part.t & 0xFFF, part.y, column], axis=1)
-        packed = words.astype("<u2").tobytes()
+        packed = evt3_words(part).tobytes()
     else:
         base = int(part.t[0]) * 1000
         t, x, y = ((column.astype(np.uint64)) for column in (part.t * 1000 - base, part.x, part.y))

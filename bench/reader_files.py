@@ -4,6 +4,7 @@ import struct
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evimo.events.events import Events
 from evimo.formats.saving import save_events
@@ -33,6 +34,13 @@ def write_evt21(folder: Path, events: Events) -> Path:
 
 
 def write_evt3(folder: Path, events: Events) -> Path:
+    """Words as a camera sends them."""
+    head = f"% evt 3.0\n% format EVT3;height={SIZE[0]};width={SIZE[1]}\n% geometry {SIZE[1]}x{SIZE[0]}\n% end\n"
+    (folder / "evt3.raw").write_bytes(head.encode() + evt3_words(events).tobytes())
+    return folder / "evt3.raw"
+
+
+def evt3_words(events: Events) -> NDArray[np.uint16]:
     """Words where something changes, as a camera sends them: row, lower and, every 64 us, upper bits of the time."""
     new_low = np.diff(events.t, prepend=-1) != 0
     new_high = np.diff(events.t // CAMERA_US, prepend=-1) != 0
@@ -43,10 +51,7 @@ def write_evt3(folder: Path, events: Events) -> Path:
         (np.ones(len(events), bool), 2 << 12 | (events.p > 0).astype(int) << 11 | events.x),
     ]
     said = np.stack([kind[0] for kind in kinds], axis=1).ravel()
-    words = np.stack([np.asarray(kind[1]).astype("<u2") for kind in kinds], axis=1).ravel()[said]
-    head = f"% evt 3.0\n% format EVT3;height={SIZE[0]};width={SIZE[1]}\n% geometry {SIZE[1]}x{SIZE[0]}\n% end\n"
-    (folder / "evt3.raw").write_bytes(head.encode() + words.tobytes())
-    return folder / "evt3.raw"
+    return np.stack([np.asarray(kind[1]).astype("<u2") for kind in kinds], axis=1).ravel()[said]
 
 
 def write_dat(folder: Path, events: Events) -> Path:

@@ -41,13 +41,12 @@ def no_events() -> Events:
 
 def joined(packets: Sequence[Events]) -> Events:
     """Packets that follow each other in time as one."""
-    if not packets:
-        return no_events()
-    if len(packets) == 1:
-        return packets[0]
+    filled = [packet for packet in packets if len(packet)]
+    if len(filled) < 2:
+        return filled[0] if filled else no_events()
     return Events(
-        np.concatenate([packet.x for packet in packets]),
-        np.concatenate([packet.y for packet in packets]),
-        np.concatenate([packet.t for packet in packets]),
-        np.concatenate([packet.p for packet in packets]),
+        np.concatenate([packet.x for packet in filled]),
+        np.concatenate([packet.y for packet in filled]),
+        np.concatenate([packet.t for packet in filled]),
+        np.concatenate([packet.p for packet in filled]),
     )

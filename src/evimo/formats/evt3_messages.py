@@ -7,17 +7,19 @@ from evimo.events.events import no_events
 from evimo.formats.damage import MarredEvents, marred
 from evimo.formats.evt3_kernel import BITS, CLOCK, decode_evt3, evt3_state
 
+TOGETHER = 1 << 18  # words that are decoded at once: a message alone is too short to be fast
 LONGEST_WORDS = 1 << 22  # no more wait for what follows
 HALF = 1 << 11  # of the rounds of a TIME HIGH
 PAUSE_US = 1 << 22  # half the time after which the sensor's clock, as a number, is ambiguous
 
 
 class Evt3Messages:
-    """Decodes the words of messages in order; the last of them wait for the next message, or for `rest`."""
+    """Decodes the words of messages in order, many messages at once; the last wait for the next call, or for `rest`."""
 
     def __init__(self) -> None:
         self._state: NDArray[np.int64] | None = None
-        self._waiting = np.zeros(0, np.uint16)
+        self._waiting: list[NDArray[np.uint16]] = []
+        self._undecided = 0  # words that wait for what follows
         self._expected_us = 0
 
     def __call__(self, words: NDArray[np.uint16], expected_us: int) -> MarredEvents:
@@ -30,21 +32,27 @@ class Evt3Messages:
             state[CLOCK] += pause_us >> BITS
         self._state = state
         self._expected_us = expected_us
-        self._waiting = np.concatenate((self._waiting, words))
-        now = self._decoded(state, final=len(self._waiting) > LONGEST_WORDS)
+        self._waiting.append(words)
+        count = sum(map(len, self._waiting))
+        now = _nothing()
+        if count - self._undecided >= TOGETHER:
+            now = self._decoded(state, final=count > LONGEST_WORDS)
         return now if before is None else marred([before, now])
 
     def rest(self) -> MarredEvents:
         """The events of words that still wait, because no others follow."""
-        if self._state is None:
-            nothing = no_events()
-            return MarredEvents(nothing.x, nothing.y, nothing.t, nothing.p)
-        return self._decoded(self._state, final=True)
+        return _nothing() if self._state is None else self._decoded(self._state, final=True)
 
     def _decoded(self, state: NDArray[np.int64], *, final: bool) -> MarredEvents:
-        x, y, t, p, used, lost = decode_evt3(self._waiting, state, final)
-        self._waiting = self._waiting[used:]
+        words = np.concatenate(self._waiting or [np.zeros(0, np.uint16)])
+        x, y, t, p, used, lost = decode_evt3(words, state, final)
+        self._waiting, self._undecided = [words[used:]], len(words) - used
         return MarredEvents(x, y, t, p, lost=lost)
+
+
+def _nothing() -> MarredEvents:
+    nothing = no_events()
+    return MarredEvents(nothing.x, nothing.y, nothing.t, nothing.p)
 
 
 def _length_us(words: NDArray[np.uint16]) -> int:
