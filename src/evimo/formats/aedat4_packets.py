@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile
 from evimo.events.events import Events
-from evimo.formats.columns import signs
+from evimo.formats.event_record_kernel import decode_aedat4
 from evimo.formats.zstandard import zstd
 
-EVENT = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("on", "u1"), ("", "V3")])
+EVENT_BYTES = 16
 FIRST_LINE_BYTES = 14
 GYROSCOPE_FIELDS = (5, 6, 7)  # of a sample: after its time, temperature and three accelerations
 
@@ -119,11 +119,10 @@ def packet_events(file: IO[bytes], offset: int, compression: int) -> Events:
     try:
         raw = _packet(file, offset, compression)
         vector, count = _vector(raw)
-        stored = np.frombuffer(raw, EVENT, count, vector)
+        stored = np.frombuffer(raw, np.uint8, count * EVENT_BYTES, vector)
     except struct.error as error:
         raise ValueError("not a packet of events") from error
-    x, y, p = stored["x"].astype(np.uint16), stored["y"].astype(np.uint16), signs(stored["on"])
-    return Events(x, y, stored["t"].astype(np.int64), p)
+    return Events(*decode_aedat4(np.require(stored.view("<u8"), requirements="A").reshape(-1, 2)))
 
 
 def packet_rates(file: IO[bytes], offset: int, compression: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

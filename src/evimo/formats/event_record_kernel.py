@@ -1,5 +1,5 @@
 # pyright: basic
-"""Decoding of files whose events have a whole time each, compiled: DAT and AEDAT 3."""
+"""Decoding of files whose events have a whole time each, compiled: DAT, AEDAT 3 and AEDAT 4."""
 
 import numpy as np
 
@@ -35,6 +35,19 @@ def decode_dat(records, state, final, bits):
         p[at] = 2 * np.int8(address >> sign & 1) - 1
     state[0] = reached
     return x, y, t, p, count, 0
+
+
+@njit(nogil=True)
+def decode_aedat4(records):
+    """AEDAT 4 events (N, 2) u8: the time in µs, then from the lowest bits on column and row, and a byte of polarity."""
+    count = len(records)
+    x, y = np.empty(count, np.uint16), np.empty(count, np.uint16)
+    t, p = np.empty(count, np.int64), np.empty(count, np.int8)
+    for at in range(count):
+        packed = records[at, 1]
+        x[at], y[at], t[at] = packed, packed >> np.uint64(16), records[at, 0]
+        p[at] = 2 * np.int8(np.uint8(packed >> np.uint64(32)) != 0) - 1
+    return x, y, t, p
 
 
 @njit(nogil=True)
