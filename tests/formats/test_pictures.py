@@ -45,3 +45,17 @@ def test_a_header_whose_sum_is_wrong_is_not_decoded(tmp_path, monkeypatch):
         (tmp_path / "a.png").write_bytes(whole[:at] + b"\0\0\0" + whole[at:])
         assert read_picture(tmp_path / "a.png") is None
     assert not decoded
+
+
+@pytest.mark.parametrize(("at", "length"), [(33, 1 << 29), (33, 0xFFFFFFF0), (-12, 1 << 28)])
+def test_a_chunk_longer_than_its_file_is_not_decoded(tmp_path, monkeypatch, at, length):
+    """OpenCV took 512 MB for a picture of 253 bytes whose first chunk of pixels said that it had as many."""
+    whole = bytearray(cv2.imencode(".png", np.zeros((20, 30, 3), np.uint16))[1].tobytes())
+    place = at % len(whole)
+    whole[place : place + 4] = struct.pack(">I", length)
+    decoded = []
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: decoded.append(True))
+    for raw in (whole, whole[: place + 6], whole[:40]):
+        (tmp_path / "a.png").write_bytes(raw)
+        assert read_picture(tmp_path / "a.png") is None
+    assert not decoded
