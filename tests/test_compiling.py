@@ -48,6 +48,26 @@ def test_without_a_home_code_is_kept_in_a_folder_that_nobody_else_can_write(no_h
     assert sum(again.stats.cache_hits.values()) == 1
 
 
+def test_code_is_compiled_anew_where_what_its_module_imports_has_changed(no_home, tmp_path, monkeypatch):
+    """Numba looks at the module of a function alone, and would go on with what others were when it was compiled."""
+    other = tmp_path / "other.py"
+    other.write_text("two = 2")
+    monkeypatch.setattr(compiling, "_imported", lambda file: frozenset({other}))
+    njit()(twice)(21)
+    for content, hits in ("two = 2.0", 0), (None, 1):
+        if content:
+            other.write_text(content)
+        again = njit()(twice)
+        assert again(4) == 8
+        assert sum(again.stats.cache_hits.values()) == hits
+
+
+def test_kernels_are_known_by_all_that_they_are_made_of():
+    kernel = SRC / "formats" / "evt3_kernel.py"
+    assert {path.name for path in compiling._imported(kernel)} == {"evt3_steady_kernel.py", "evt_clock_kernel.py"}
+    assert {path.name for path in compiling._imported(SRC / "classical" / "misfit.py")} == {"sharpness.py", "world.py"}
+
+
 @pytest.mark.parametrize("how", ["another's", "no folder", "no temporary folder"])
 def test_where_nothing_can_be_kept_functions_work_and_one_line_says_so(no_home, how, tmp_path, monkeypatch):
     folder = tmp_path / f"{compiling.FOLDER}-{os.getuid()}"

@@ -3,11 +3,12 @@
 
 Numba keeps it beside the source file, else below the user's home, and refuses to work where neither can be written, as
 in a container whose user has no home. Here it is then kept in the user's own part of the temporary folder, or not at
-all, with a warning.
+all, with a warning. It holds what its module imports from others of ours, too, and is made anew where those change.
 """
 
 import os
 import pickle
+import re
 import stat
 import tempfile
 import time
@@ -23,6 +24,8 @@ from evimo.errors import EvimoWarning
 EVERY_S = 10.0  # between two lines that say what is being compiled
 FOLDER = "evimo-compiled"
 ADVICE = "each run compiles anew; set NUMBA_CACHE_DIR to a folder that can be written"
+ROOT = Path(__file__).parent
+IMPORT = re.compile(r"^from evimo\.([\w.]+) import", re.MULTILINE)
 UNREADABLE = (OSError, EOFError, pickle.UnpicklingError)  # of compiled code that was cut short
 
 _listeners: list[Callable[[str], None]] = []
@@ -40,6 +43,7 @@ def njit(**options: Any) -> Callable[[Any], Any]:
             if "no locator available" not in str(error):
                 raise
             made = _kept_elsewhere(function, options)
+        _stamp(made, Path(function.__code__.co_filename))
         _forgive(made)
         return made
 
@@ -100,6 +104,24 @@ def _is_ours(folder: Path) -> bool:
     if not hasattr(os, "getuid"):  # Windows: each user has a temporary folder
         return stat.S_ISDIR(found.st_mode)
     return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
+
+
+def _stamp(made: Any, file: Path) -> None:
+    """Mark compiled code with the state of what its module imports; numba marks it with that of the module alone."""
+    index: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)
+    if index is not None:
+        states = [(each.name, each.stat().st_mtime, each.stat().st_size) for each in sorted(_imported(file))]
+        index._source_stamp = (index._source_stamp, states)
+
+
+@cache
+def _imported(file: Path) -> frozenset[Path]:
+    """Our modules that one with compiled functions imports, and those that these import, as far as they have some."""
+    if ROOT not in file.parents or not file.is_file() or "@njit" not in (text := file.read_text(encoding="utf-8")):
+        return frozenset()
+    paths = (ROOT / f"{name.replace('.', '/')}.py" for name in IMPORT.findall(text) if name != "compiling")
+    direct = frozenset(path for path in paths if path.is_file())
+    return direct.union(*map(_imported, direct))
 
 
 def _forgive(made: Any) -> None:

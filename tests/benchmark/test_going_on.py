@@ -3,6 +3,7 @@
 import gc
 import json
 import weakref
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -68,6 +69,18 @@ def test_models_score_side_by_side_what_they_score_alone(no_page, command, runs,
         assert main(alone) == 0
         found = values_in(tmp_path / model)
         assert found == {key: value for key, value in together.items() if key[2] not in {"half", "perfect"} - {model}}
+
+
+def test_progress_names_the_recording_that_is_scored(no_page, command, runs, monkeypatch):
+    told = []
+
+    @contextmanager
+    def progress(total, unit):
+        yield lambda amount=1, *, made=True, facts="": told.append(facts)
+
+    monkeypatch.setattr("evimo.cli.benchmark.progress", progress)
+    assert main(command) == 0
+    assert list(dict.fromkeys(filter(None, told))) == ["planar/d", "table/c", "wall/a", "wall/b"]
 
 
 def test_two_processes_find_what_one_finds(no_page, recordings, tmp_path):

@@ -33,6 +33,15 @@ def test_density_of_no_events_is_zero():
     assert not baselines.event_density(no_events(), (5, 7)).any()
 
 
+@pytest.mark.parametrize(("width", "side"), [(12, 1), (26, 3), (39, 3), (52, 5), (78, 7), (346, 27)])
+def test_the_box_is_a_13th_of_the_width_and_one_more_where_that_is_even(width, side):
+    centre = Events(
+        *(np.array([value], kind) for value, kind in ((width // 2, "u2"), (20, "u2"), (0, "i8"), (1, "i1")))
+    )
+    density = baselines.event_density(centre, (41, width))
+    assert np.count_nonzero(density[20] > 1e-3) == side
+
+
 def test_threshold_is_tuned_to_where_the_crowd_is(big_sample):
     sample = labelled(crowded(range(10, 30)), big_sample.truth, scored=big_sample.scored, focal_px=(1, 1), dt_s=0.025)
     best = baselines.tune_density_threshold([sample, sample])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from evimo.events.events import joined
+from evimo.formats import evt3_messages
 from evimo.formats.event_messages import EventPacket, PacketDecoder
 from evimo.formats.evt3_messages import Evt3Messages
 
@@ -83,7 +84,9 @@ def evt3_words(*codes):
     return np.array([kind << 12 | value for kind, value in codes], np.uint16)
 
 
-def test_evt3_is_the_same_however_it_is_cut_into_messages(some_events, encoded, rows):
+@pytest.mark.parametrize("together", [1, 100, 1 << 18])
+def test_evt3_is_the_same_however_it_is_cut_into_messages(some_events, encoded, rows, monkeypatch, together):
+    monkeypatch.setattr(evt3_messages, "TOGETHER", together)
     events = some_events(600, span_us=40_000)
     stream, _ = encoded.evt3(events)
     for seed in range(20):
@@ -91,6 +94,15 @@ def test_evt3_is_the_same_however_it_is_cut_into_messages(some_events, encoded, 
         decode = Evt3Messages()
         parts = [decode(part, 0) for part in np.split(stream, cuts)]
         assert rows([*parts, decode.rest()]) == rows([events])
+
+
+def test_messages_that_wait_do_not_hold_what_was_packed_with_them():
+    """A view of a message would keep the bag's whole chunk, pictures and all, until enough words are there."""
+    chunk = bytearray(evt3_words((8, 1), (6, 2), (0, 1), (2, 1)).tobytes())
+    decode = Evt3Messages()
+    decode(np.frombuffer(chunk, "<u2"), 0)
+    chunk.clear()  # refused while anything shows it
+    assert decode.rest().t.tolist() == [1 << 12 | 2]
 
 
 def test_a_damaged_time_in_one_message_is_told_by_the_next(some_events, encoded, rows):

@@ -37,8 +37,16 @@ def test_evt3_words_by_hand():
     assert p.tolist() == [1, 1, 1, 1, -1]
 
 
-def mixed_words(rng, count):
-    """Words of all kinds in any order under a clock that goes on, and the events that they mean, one by one."""
+def test_evt3_vectors_before_a_base_are_off_from_the_first_column_on():
+    x, _, _, p, _, _ = decode_evt3(words((8, 3), (6, 21), (0, 40), (4, 0b101)), evt3_state(0), True)
+    assert (x.tolist(), p.tolist()) == ([0, 2], [-1, -1])
+
+
+def mixed_words(rng, count, *, far=0.0):
+    """Words of all kinds in any order under a clock that goes on, and the events that they mean, one by one.
+
+    far: share of bases beyond column 1024, from which vectors may leave the 11 bits of columns.
+    """
     codes, events, t, row, base, sign = [(8, 0), (6, 0), (3, 0)], [], 0, 0, 0, -1
     for kind in rng.choice([0, 2, 2, 3, 4, 5, 6, 8, 10, 14], count).tolist():
         value = int(rng.integers(4096))
@@ -47,7 +55,7 @@ def mixed_words(rng, count):
         elif kind == 2:
             events.append((value & 0x7FF, row, t, 1 if value >> 11 else -1))
         elif kind == 3:
-            value &= 0xBFF  # columns below 1024
+            value = value & 0xBFF | (1 << 10 if rng.random() < far else 0)
             base, sign = value & 0x7FF, 1 if value >> 11 else -1
         elif kind in (4, 5):
             events += [(base + k, row, t, sign) for k in range(12) if value >> k & 1]
@@ -66,10 +74,11 @@ def codes_high(codes):
     return next(value for kind, value in reversed(codes) if kind == 8)
 
 
+@pytest.mark.parametrize("far", [0, 0.05])
 @pytest.mark.parametrize("block", [100, 2_000, 1 << 30])
-def test_evt3_words_of_all_kinds_are_as_one_by_one(block):
+def test_evt3_words_of_all_kinds_are_as_one_by_one(block, far):
     for seed in range(4):
-        stream, events = mixed_words(np.random.default_rng(seed), 12_000)
+        stream, events = mixed_words(np.random.default_rng(seed), 12_000, far=far)
         found, lost = Kind(None, decode_evt3, partial(evt3_state, 0), 12).decoded(stream, block=block)
         columns = zip(found.x.tolist(), found.y.tolist(), found.t.tolist(), found.p.tolist(), strict=True)
         assert list(columns) == events and lost == 0

@@ -120,20 +120,22 @@ def case_of(sequence: Sequence, rivals: Iterable[Rival]) -> Case:
     return Case(recording.path, sequence.name, sequence.scene, len(recording), tuple(rivals))
 
 
-def score(kept: Kept, case: Case, told: Callable[[int], None] = lambda slices: None) -> tuple[Case, dict[str, Tally]]:
+def score(
+    kept: Kept, case: Case, told: Callable[[Case, int], None] = lambda case, slices: None
+) -> tuple[Case, dict[str, Tally]]:
     """Score the models of a case side by side and keep what comes of it.
 
     Args:
         kept: where.
         case: what.
-        told: of how many slices more are scored, one for each model.
+        told: of the case, and of how many slices more of it are scored, one for each model.
 
     Returns:
         The case and what each model has, by name.
     """
     recording = open_recording(case.path)  # anew: what it maps is given back when it is done
     models = {rival.name: rival.model for rival in case.rivals}
-    tallies = tallies_of(recording, models, lambda: told(len(models)))
+    tallies = tallies_of(recording, models, lambda: told(case, len(models)))
     for rival in case.rivals:
         kept.keep(rival, Sequence(recording, case.name, case.scene), tallies[rival.name])
     return case, tallies

@@ -104,10 +104,14 @@ def _scored(
     kept: Kept, cases: list[Case], *, crew: Crew, shared: Path, advance: Advance
 ) -> Iterator[tuple[Case, dict[str, Tally]]]:
     """Each case with its scores, as it is done; who works alone hears of every slice, others of whole recordings."""
-    work = partial(score, kept, told=advance) if crew.is_alone else partial(score, kept)
+
+    def tell(case: Case, slices: int) -> None:
+        advance(slices, facts=case.name)
+
+    work = partial(score, kept, told=tell) if crew.is_alone else partial(score, kept)
     for case, tallies in finished(work, cases, crew=crew, shared=shared, name=attrgetter("name")):
         if not crew.is_alone:
-            advance(len(case.rivals) * case.slices, facts=case.name)
+            tell(case, len(case.rivals) * case.slices)
         yield case, tallies
 
 

@@ -147,8 +147,8 @@ def _before_restart(what: str, times_us: NDArray[np.int64], places: MarkerPlaces
     stamps_us, kept = times_us[places.instant], np.ones(len(places.marker), np.bool_)
     if (np.diff(stamps_us) >= 0).all():
         return places
-    for marker in np.unique(places.marker):  # a file may have one marker after another
-        mine = np.flatnonzero(places.marker == marker)
+    order = np.argsort(places.marker, kind="stable")  # a file may have one marker after another
+    for mine in np.split(order, np.flatnonzero(np.diff(places.marker[order])) + 1):
         kept[mine[restart_of(stamps_us[mine]) :]] = False
     if not kept.all():
         _say_restart(what, kept, int(stamps_us[kept].max()))

@@ -43,7 +43,7 @@ def event_density(events: Events, size: tuple[int, int]) -> NDArray[np.float32]:
     """
     height, width = size
     count = np.bincount(events.y.astype(np.int64) * width + events.x, minlength=height * width)
-    side = round(width / BOXES_PER_WIDTH / 2 - 0.5) * 2 + 1  # odd
+    side = width // BOXES_PER_WIDTH | 1  # odd
     inside = cv2.blur(np.ones(size, np.float32), (side, side), borderType=cv2.BORDER_CONSTANT)
     density = cv2.blur(count.reshape(size).astype(np.float32), (side, side), borderType=cv2.BORDER_CONSTANT) / inside
     return (density / max(len(events) / (height * width), 1e-9)).astype(np.float32)

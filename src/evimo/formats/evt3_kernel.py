@@ -136,7 +136,7 @@ def decode_stretches(words, stop, high_words, state, tally, columns):
     clocks, places = high_words
     at = np.int64(0)
     while at < stop:
-        until = min(at + TOGETHER, usual_until(stop, clocks, places, tally))
+        until = usual_until(min(at + TOGETHER, stop), clocks, places, tally)
         usual = until > at and is_usual(state)
         if not usual:
             until = after_low(words, at, min(stop, at + TOGETHER))

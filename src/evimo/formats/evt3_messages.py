@@ -19,7 +19,7 @@ class Evt3Messages:
     def __init__(self) -> None:
         self._state: NDArray[np.int64] | None = None
         self._waiting: list[NDArray[np.uint16]] = []
-        self._undecided = 0  # words that wait for what follows
+        self._new = 0  # of them, words that were not looked at yet
         self._expected_us = 0
 
     def __call__(self, words: NDArray[np.uint16], expected_us: int) -> MarredEvents:
@@ -32,11 +32,9 @@ class Evt3Messages:
             state[CLOCK] += pause_us >> BITS
         self._state = state
         self._expected_us = expected_us
-        self._waiting.append(words)
-        count = sum(map(len, self._waiting))
-        now = _nothing()
-        if count - self._undecided >= TOGETHER:
-            now = self._decoded(state, final=count > LONGEST_WORDS)
+        self._waiting.append(words.copy())  # or all that is packed together with a message would wait in memory
+        self._new += len(words)
+        now = self._decoded(state, final=False) if self._new >= TOGETHER else _nothing()
         return now if before is None else marred([before, now])
 
     def rest(self) -> MarredEvents:
@@ -45,8 +43,8 @@ class Evt3Messages:
 
     def _decoded(self, state: NDArray[np.int64], *, final: bool) -> MarredEvents:
         words = np.concatenate(self._waiting or [np.zeros(0, np.uint16)])
-        x, y, t, p, used, lost = decode_evt3(words, state, final)
-        self._waiting, self._undecided = [words[used:]], len(words) - used
+        x, y, t, p, used, lost = decode_evt3(words, state, final or len(words) > LONGEST_WORDS)
+        self._waiting, self._new = [words[used:]], 0
         return MarredEvents(x, y, t, p, lost=lost)
 
 
