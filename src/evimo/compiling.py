@@ -109,9 +109,10 @@ def _is_ours(folder: Path) -> bool:
 def _stamp(made: Any, file: Path) -> None:
     """Mark compiled code with the state of what its module imports; numba marks it with that of the module alone."""
     index: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)
-    if index is not None:
+    stamp: Any = getattr(index, "_source_stamp", None)  # private: where a numba has none, its own mark stays
+    if stamp is not None:
         states = [(each.name, each.stat().st_mtime, each.stat().st_size) for each in sorted(_imported(file))]
-        index._source_stamp = (index._source_stamp, states)
+        index._source_stamp = (stamp, states)
 
 
 @cache
