@@ -61,6 +61,17 @@ def test_a_benchmark_that_was_interrupted_goes_on(command, runs, tmp_path, monke
     assert [name for model, name in runs if model == "half"] == ["d", "c", "a", "b"]
 
 
+def test_a_job_that_is_done_again_finds_what_it_kept(recordings, tmp_path, monkeypatch):
+    """A process that died after it kept its scores left the others to take its job again."""
+    from evimo.benchmark import cases
+
+    kept, sequence = cases.Kept(tmp_path / "scores"), cases.sequences_in(recordings)[0]
+    case, scores = cases.score(kept, cases.case_of(sequence, cases.rivals_of(["classical"])))
+    monkeypatch.setattr(cases, "tallies_of", lambda *_: pytest.fail("scored again"))
+    again = cases.score(kept, case)[1]
+    assert json.dumps(again["classical"].as_dict()) == json.dumps(scores["classical"].as_dict())
+
+
 def test_models_score_side_by_side_what_they_score_alone(no_page, command, runs, recordings, tmp_path):
     main(command)
     together = values_in(tmp_path / "out")

@@ -100,7 +100,7 @@ def test_what_many_recordings_warn_of_is_told_of_three_and_counted(crew):
         assert len(done(work("fails"), ["guess", "fine", *["guess"] * 4], crew, name=lambda job: "a.raw")) == 6
     assert [str(each.message) for each in caught] == [
         *["a.raw: the camera is guessed"] * 3,
-        "2 more of them: the camera is guessed",
+        "2 more recordings: the camera is guessed",
     ]
 
 

@@ -134,8 +134,13 @@ def score(
         The case and what each model has, by name.
     """
     recording = open_recording(case.path)  # anew: what it maps is given back when it is done
-    models = {rival.name: rival.model for rival in case.rivals}
-    tallies = tallies_of(recording, models, lambda: told(case, len(models)))
-    for rival in case.rivals:
-        kept.keep(rival, Sequence(recording, case.name, case.scene), tallies[rival.name])
+    sequence = Sequence(recording, case.name, case.scene)
+    known = {rival.name: kept.known(rival, sequence) for rival in case.rivals}  # of a process that died after it
+    tallies = {name: tally for name, tally in known.items() if tally is not None}
+    missing = [rival for rival in case.rivals if rival.name not in tallies]
+    models = {rival.name: rival.model for rival in missing}
+    if models:
+        tallies |= tallies_of(recording, models, lambda: told(case, len(models)))
+    for rival in missing:
+        kept.keep(rival, sequence, tallies[rival.name])
     return case, tallies

@@ -56,9 +56,10 @@ def restart_of(times_us: I8) -> int:
         before, after, rest = times_us[max(at - STEADY, 0) : at], times_us[at : at + STEADY], times_us[at:]
         if len(before) < STEADY or len(after) < STEADY or min(np.diff(before).min(), np.diff(after).min()) < 0:
             continue
+        if not after[0] < after[-1] < before[0] or rest.max() <= times_us[:at].min():
+            continue
         leaps = (np.diff(rest) > RESTART_US) & (rest[1:] > times_us[at - 1])
-        again = after[0] < after[-1] < before[0] and rest.max() > times_us[:at].min()
-        if again and not leaps.any():
+        if not leaps.any():
             return at
     return len(times_us)
 

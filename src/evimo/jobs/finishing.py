@@ -84,7 +84,7 @@ def _warn_of_more(warned: Counter[str]) -> None:
     """Warn of how many more recordings had what the first ones had."""
     for problem, recordings in warned.items():
         if recordings > SAID:
-            warnings.warn(EvimoWarning(f"{recordings - SAID} more of them: {problem}"), stacklevel=3)
+            warnings.warn(EvimoWarning(f"{recordings - SAID} more recordings: {problem}"), stacklevel=3)
 
 
 def _outcomes(
