@@ -17,6 +17,7 @@ from evimo.formats.damage import mended
 from evimo.formats.sensors import size_in_words
 from evimo.geometry.camera import Camera
 
+MOST_PER_US = 1000  # events: no sensor gives more
 LATE_SHARE = 20  # one event in so many may be late; more, and the order of the file is no order in time
 
 
@@ -105,6 +106,8 @@ class EventFile:
             if len(cut):
                 yield cut
         self._report(faults, kept)
+        if (start, stop) == (self.start_us, self.stop_us):
+            refuse_standstill(self.path, kept, stop - start)
 
     def gyroscope(self) -> Gyroscope | None:
         """All samples of the gyroscope beside the sensor; None where the recording has none.
@@ -141,6 +144,19 @@ def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
         f"{path.name}: {lost:,} of {whole + faults.outlying:,} events are {old}",
         fix="sort the recording by time, or split it where its clock starts again",
     )
+
+
+def refuse_standstill(path: Path, events: int, span_us: int) -> None:
+    """Refuse a recording whose times stand still, as seconds since 1970 do in float32.
+
+    Raises:
+        BadFile: so many events in so short a span are those of no sensor.
+    """
+    if events > MOST_PER_US * span_us:
+        raise BadFile(
+            f"{path.name}: its {events:,} events lie within {span_us} µs: their times stand still",
+            fix="export it with all digits of its times, as whole µs or float64 seconds; or check --time-unit",
+        )
 
 
 def on_sensor(packets: Iterator[Events], sensor: tuple[int, int], faults: Faults) -> Iterator[Events]:
