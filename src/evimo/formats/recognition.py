@@ -53,14 +53,20 @@ STARTS: dict[bytes, Kind] = {
 # Recognised, and said to be so, until their readers exist.
 NOT_YET = {
     b"#!AER-DAT": ("AEDAT 1", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
+    b"MATLAB 5.0 MAT-file": (
+        "a MATLAB file",
+        "write its columns t x y p as text, or as arrays of an .npz or HDF5 file",
+    ),
     b"\x93NUMPY": ("a single NumPy array", "save it as numpy.savez(FILE.npz, events=…) with columns t x y p"),
 }
 NO_RECORDING = {
-    b"\x1f\x8b": ("compressed with gzip", "gunzip it first"),
     b"BZh": ("compressed with bzip2", "bunzip2 it first"),
-    b"\x28\xb5\x2f\xfd": ("compressed with zstd", "unzstd it first"),
     b"\xfd7zXZ": ("compressed with xz", "unxz it first"),
+    b"\x04\x22\x4d\x18": ("compressed with lz4", "unlz4 it first"),
+    b"\x1f\x9d": ("compressed with compress (.Z)", "uncompress it first"),
     b"7z\xbc\xaf": ("a 7-Zip archive", "unpack it first"),
+    b"Rar!": ("a RAR archive", "unpack it first"),
+    b"PK\x05\x06": ("an empty zip archive", "copy or pack it again"),
     b"\x89PNG": ("a picture", "give an event recording"),
     b"\xff\xd8\xff": ("a picture", "give an event recording"),
 }
@@ -82,7 +88,7 @@ POINTERS = {
     rb"\s*%YAML": ("a YAML file, no recording", "give an event recording; a calibration goes to --calibration"),
     rb"\s*[{\[]\s*[\"{\[]": (
         "a JSON file, no recording",
-        "give an event recording; a calibration goes to --calibration",
+        "give an event recording; a calibration goes to --calibration, and events in JSON are to be written as CSV",
     ),
 }
 TAR_AT, TAR = 257, b"ustar"
@@ -119,7 +125,7 @@ def recognised(path: Path) -> Kind:
     start = _start(path)
     _refuse_tar(path, start)
     if packing(path):
-        return _packed(path, start)
+        return _packed(path)
     for magic, kind in STARTS.items():
         if start.startswith(magic):
             return kind
@@ -136,7 +142,7 @@ def recognised(path: Path) -> Kind:
     return _text_or_prophesee(path, start)
 
 
-def _packed(path: Path, start: bytes) -> Kind:
+def _packed(path: Path) -> Kind:
     """Text, if that is what was compressed.
 
     Raises:
@@ -146,8 +152,11 @@ def _packed(path: Path, start: bytes) -> Kind:
     if inside and not _binary(inside):
         return _text_or_prophesee(path, inside)
     _refuse_tar(path, inside)
-    what, fix = next(words for magic, words in NO_RECORDING.items() if start.startswith(magic))
-    raise BadFile(f"{path.name} is {what}, and no text", fix=fix)
+    packed = packing(path)
+    if not inside:
+        raise BadFile(f"{path.name} is compressed with {packed}, and holds nothing", fix="copy or pack it again")
+    fix = {"gzip": "gunzip it first", "zstd": "unzstd it first"}[packed]
+    raise BadFile(f"{path.name} is compressed with {packed}, and no text", fix=fix)
 
 
 def _refuse_tar(path: Path, start: bytes) -> None:
