@@ -18,6 +18,7 @@ from evimo.formats.sensors import size_in_words
 from evimo.geometry.camera import Camera
 
 MOST_PER_US = 1000  # events: no sensor gives more
+FEW = 64  # events that are never too many to leave out
 LATE_SHARE = 20  # one event in so many may be late; more, and the order of the file is no order in time
 
 
@@ -134,9 +135,15 @@ def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
     """Refuse a recording whose order in time is lost.
 
     Raises:
-        BadFile: more than one event in twenty is late, or most come after a reset of the clock.
+        BadFile: more than one event in twenty is late, most come after a reset of the clock, or a third are far off.
     """
     whole = faults.late + faults.after_reset + kept
+    if 2 * faults.outlying > max(whole, 2 * FEW):
+        raise BadFile(
+            f"{path.name}: the times of {faults.outlying:,} of {whole + faults.outlying:,} events are far from those "
+            "around them",
+            fix="export it again: its events may be of several cameras, one after the other",
+        )
     if faults.late * LATE_SHARE <= whole and faults.after_reset <= kept:
         return
     lost, old = faults.late + faults.after_reset, f"more than {WINDOW_US // 1000} ms older than events before them"
