@@ -9,6 +9,7 @@ from evimo.errors import BadFile, NotFound
 from evimo.formats.prophesee_header import DAT_MARK, RAW_MARK, header_of, sample, words_encoding
 from evimo.formats.rosbag2 import METADATA, is_folder_of_bag
 from evimo.formats.text_source import encoding_of, packing, unpacked_start
+from evimo.geometry.stand_ins import stand_in
 
 Kind = Literal[
     "evimo_npz",
@@ -70,17 +71,8 @@ NO_RECORDING = {
     b"\x89PNG": ("a picture", "give an event recording"),
     b"\xff\xd8\xff": ("a picture", "give an event recording"),
 }
-# Texts that stand where a recording should be: what their beginning says they are.
-POINTERS = {
-    rb"version https://git-lfs": ("a git-lfs pointer, not the recording itself", "fetch it with `git lfs pull`"),
-    rb"(\.\./)*(\.git)?/?annex/objects/": (
-        "a git-annex pointer, not the recording itself",
-        "fetch it with `git annex get`",
-    ),
-    rb"\s*<(!doctype\s+html|html|head|body)\b": (
-        "a web page (HTML), not the recording itself",
-        "download the file itself: its address led to a page, such as one to log in or to confirm",
-    ),
+# Texts of other kinds: what their beginning says they are.
+TEXTS = {
     rb"\s*<(\?xml|opencv_storage)": (
         "an XML file, no recording",
         "give an event recording; a calibration goes to --calibration",
@@ -197,9 +189,9 @@ def _text_or_prophesee(path: Path, start: bytes) -> Kind:
     Raises:
         BadFile: it is neither.
     """
-    for beginning, (what, fix) in POINTERS.items():
-        if re.match(beginning, start.lstrip(b"\xef\xbb\xbf"), re.IGNORECASE):
-            raise BadFile(f"{path.name} is {what}", fix=fix)
+    named = (words for form, words in TEXTS.items() if re.match(form, start.lstrip(b"\xef\xbb\xbf"), re.IGNORECASE))
+    if words := stand_in(start) or next(named, None):
+        raise BadFile(f"{path.name} is {words[0]}", fix=words[1])
     head = header_of(start)
     lines, body = start[: head.length], start[head.length :]
     if DAT_MARK.search(lines) and (_binary(body) or not body):
