@@ -92,7 +92,7 @@ class EventFile:
         Warns once at the end of the pass if events had to be sorted or dropped.
 
         Raises:
-            BadFile: the order of the events cannot be restored, or none lies on the sensor.
+            BadFile: the order of the events cannot be restored, or most lie outside the sensor.
         """
         start = self.start_us if start_us is None else start_us
         stop = self.stop_us if stop_us is None else stop_us
@@ -122,9 +122,11 @@ class EventFile:
 
     def _report(self, faults: Faults, kept: int) -> None:
         refuse_disorder(self.path, faults, kept)
-        if faults.outside and not kept:
+        if faults.outside > (max(kept, FEW) if kept else 0):
+            beside = f"{faults.outside:,} of {faults.outside + kept:,} events lie outside"
+            beside = beside if kept else f"none of {faults.outside:,} events lies on"
             raise BadFile(
-                f"{self.path.name}: none of {faults.outside:,} events lies on a sensor of {size_in_words(self.sensor)}",
+                f"{self.path.name}: {beside} a sensor of {size_in_words(self.sensor)}",
                 fix="give its size with --sensor WxH, and the order of a table's columns with --columns, as in txyp",
             )
         if parts := faults.parts(self.sensor):
