@@ -327,7 +327,10 @@ HD4 = Camera(1000.5, 1001.5, 640.25, 360.75, 720, 1280, BENT4)
     [
         (NAMED | LENS4 | SIZE, HD4),
         (NAMED | LENS4 | SIZE | {"k3": 0.05}, HD),
-        (NAMED | SIZE | {"k1": 0.1, "k2": 0.2, "k3": 0.3}, Camera(*NAMED.values(), 720, 1280, (0.1, 0.2, 0.0, 0.0, 0.3))),
+        (
+            NAMED | SIZE | {"k1": 0.1, "k2": 0.2, "k3": 0.3},
+            Camera(*NAMED.values(), 720, 1280, (0.1, 0.2, 0.0, 0.0, 0.3)),
+        ),
         ({"intrinsics": NAMED, "distortion": LENS4} | SIZE, HD4),
         (ROWS | {"dist": [BENT]}, HD),
         ({"mtx": MATRIX.tolist(), "dist": [BENT], "imageSize": [1280, 720]}, HD),
