@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile, EvimoWarning, NotFound
+from evimo.errors import BadFile, BadInput, EvimoWarning, NotFound
 from evimo.formats import open_events
 
 
@@ -120,3 +120,21 @@ def test_folders_without_a_recording(tmp_path):
 def test_real_files_of_later_formats_are_named(shared_data, name, words):
     with pytest.raises(BadFile, match=words):
         open_events(shared_data(name))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        *(({"sensor": size}, "is no size of a sensor") for size in ("64x48", (64,), (0, 0), (-1, 5), (4.5, 9), 7)),
+        *(({"time_unit": unit}, "is no unit of times\n  try: one of s, ms, us, ns") for unit in ("min", "µs", 5)),
+        *(({"columns": columns}, "does not name t, x, y and p") for columns in ("", "txy", 5)),
+    ],
+)
+def test_options_of_other_kinds_are_named(recording, options, words):
+    with pytest.raises(BadInput, match=words):
+        open_events(recording, **options)
+
+
+def test_a_name_that_is_too_long_is_that_of_nothing():
+    with pytest.raises(NotFound, match="there is no file or folder"):
+        open_events("a" * 5000)

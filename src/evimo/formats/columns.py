@@ -41,7 +41,7 @@ def said_columns(columns: str) -> str:
     Raises:
         BadInput: a letter is missing, there twice, or unknown.
     """
-    letters = columns.strip().lower().replace(",", "").replace(" ", "")
+    letters = str(columns).lower().replace(",", "").replace(" ", "")
     if sorted(letters.replace("_", "")) != sorted(LETTERS):
         raise BadInput(f"--columns {columns!r} does not name t, x, y and p once each", fix=FIX)
     return letters

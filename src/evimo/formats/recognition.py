@@ -98,8 +98,15 @@ def check_there(paths: Iterable[Path]) -> None:
         NotFound: there is nothing.
     """
     for path in paths:
-        if not path.exists():
+        if not _is_there(path):
             raise NotFound(f"there is no file or folder '{path}'", fix="check the path")
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # of a name that is too long, in Python before 3.14
+        return False
 
 
 def recognised(path: Path) -> Kind:
