@@ -1,5 +1,6 @@
 """Disorder, outliers and clocks that start again, on recordings made of arrays and cut into packets at random."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,40 @@ def test_a_late_packet_is_dropped_and_the_rest_goes_on():
     late = np.concatenate([t[:20_000], t[:3000], t[20_000:]])
     found, faults = read(cut(made_of(late), 0))
     assert found == t.tolist() and (faults.late, faults.after_reset) == (3000, 0)
+
+
+@pytest.mark.parametrize("ahead_us", [60_000, 500_000, 10**12])
+@pytest.mark.parametrize("count", [3, 31, 33, 40, 64, 100, 3000, 8000])
+def test_a_block_ahead_of_the_clock_costs_itself(count, ahead_us):
+    """As of one message with a wrong stamp; before, all that followed was lost."""
+    t = steady(60_000, span_us=4_000_000)
+    wronged = t.copy()
+    wronged[20_000 : 20_000 + count] += ahead_us + 4_000_000
+    kept = np.delete(t, np.s_[20_000 : 20_000 + count])
+    for seed in range(2):
+        found, faults = read(cut(made_of(wronged), seed))
+        assert found == kept.tolist() and faults == Faults(outlying=count)
+
+
+def test_a_block_ahead_costs_itself_where_reading_begins_before_or_after_it():
+    t = steady(60_000, span_us=4_000_000)
+    wronged = t.copy()
+    wronged[20_000:23_500] += 10**10
+    kept = np.delete(t, np.s_[20_000:23_500])
+    file = opened(wronged)
+    assert (file.start_us, file.stop_us) == (t[0], t[-1] + 1)
+    for start in (0, int(t[19_990]), 3_000_000):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EvimoWarning)
+            found = [each for packet in file.packets(start, start + 500_000) for each in packet.t.tolist()]
+        assert found == kept[(kept >= start) & (kept < start + 500_000)].tolist()
+
+
+def test_two_cameras_in_turn_are_refused():
+    t = steady(60_000, span_us=4_000_000)
+    t[np.arange(60_000) // 2000 % 2 == 1] += 10**9
+    with pytest.raises(BadFile, match=r"far from those around them|more than 50 ms older"):
+        opened(t)
 
 
 @pytest.mark.parametrize("second_span_us", [300_000, 5_000_000])

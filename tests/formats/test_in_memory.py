@@ -103,3 +103,9 @@ def test_nothing_is_copied_that_need_not_be():
     events = as_events()
     (packet,) = recording_of(events, sensor=(48, 64))
     assert np.shares_memory(packet.t, events.t)
+
+
+@pytest.mark.parametrize("sensor", ["64x48", (64,), (0, 48)])
+def test_sizes_that_are_none_are_named(sensor):
+    with pytest.raises(BadInput, match="is no size of a sensor"):
+        recording_of(ROWS, sensor=sensor)

@@ -1,10 +1,12 @@
 """Arrays whose columns are not what they seem: refused or said, never read wrong."""
 
+import zipfile
+
 import h5py
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile
+from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import joined
 from evimo.formats import open_events
 
@@ -92,3 +94,114 @@ def test_seconds_beside_nanoseconds_are_refused(tmp_path, events):
     np.savez(tmp_path / "a.npz", events=rows)
     with pytest.raises(BadFile, match="times in two columns"):
         open_events(tmp_path / "a.npz", sensor=SIZE)
+
+
+def test_the_order_of_axes_of_four_arrays_does_not_matter(tmp_path, events, rows):
+    """As MATLAB's columns come: (1, N) and (N, 1)."""
+    for number, axis in enumerate((0, 1)):
+        columns = {name: np.expand_dims(column, axis) for name, column in columns_of(events).items()}
+        for suffix in ("npz", "h5"):
+            path = saved(tmp_path / f"{number}.{suffix}", columns)
+            opened = open_events(path, sensor=SIZE)
+            assert rows(opened) == rows([events]), path
+            assert rows(opened.packets(100_000, 150_000)) == rows([events.between(100_000, 150_000)])
+
+
+@pytest.mark.parametrize("column", [np.zeros((1000, 2)), np.full(1000, "on"), np.zeros(1000, complex)])
+def test_columns_that_are_none_are_refused(tmp_path, events, column):
+    path = saved(tmp_path / "a.npz", columns_of(events) | {"p": column})
+    with pytest.raises(BadFile, match=r"`p` in a\.npz (has shape|is of)"):
+        open_events(path, sensor=SIZE)
+    with pytest.raises(BadFile):
+        open_events(saved(tmp_path / "folder", columns_of(events) | {"p": column}), sensor=SIZE)
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.h5", "folder"])
+def test_pixels_with_fractions_are_said_and_parts_of_an_image_refused(tmp_path, events, name):
+    columns = columns_of(events)
+    path = saved(tmp_path / name, columns | {"x": columns["x"] + np.float32(0.25), "y": columns["y"].astype("f4")})
+    with pytest.warns(EvimoWarning, match="its events lie between pixels and are rounded"):
+        assert joined(list(open_events(path, sensor=SIZE))).x.tolist() == events.x.tolist()
+    path = saved(tmp_path / f"again{name}", columns | {"x": columns["x"] / 64, "y": columns["y"] / 48})
+    with pytest.raises(BadFile, match=r"its pixels, such as .*, are parts of an image\n  try: multiply"):
+        open_events(path, sensor=SIZE)
+
+
+def test_text_with_parts_of_an_image_is_refused(tmp_path, events):
+    table = np.stack((events.t, events.x / 64, events.y / 48, events.p > 0), axis=1)
+    np.savetxt(tmp_path / "a.txt", table, fmt=["%d", "%.6f", "%.6f", "%d"])
+    with pytest.raises(BadFile, match="are parts of an image"):
+        open_events(tmp_path / "a.txt", sensor=SIZE)
+
+
+def test_a_packed_folder_of_evimo2_is_called_that(tmp_path, events):
+    with zipfile.ZipFile(tmp_path / "scene.zip", "w") as archive:
+        for path in saved(tmp_path / "folder", columns_of(events)).iterdir():
+            archive.write(path, f"scene/{path.name}")
+    with pytest.raises(BadFile, match="try: unpack it, and give the folder"):
+        open_events(tmp_path / "scene.zip")
+
+
+@pytest.mark.parametrize(
+    ("offset", "kind", "expected_us"),
+    [
+        (60_000.25, 1e-6, 60_000_250_000),
+        (60_000.5, 1e-3, 60_000_500),
+        (np.array([7_000_000]), 1, 7_000_000),
+        ("sixty", 1, 0),
+    ],
+)
+def test_offsets_of_all_kinds_are_added(tmp_path, some_events, offset, kind, expected_us):
+    events = some_events(20_000, span_us=1_000_000)
+    t = events.t * kind if kind != 1 else events.t
+    path = saved(tmp_path / "a.h5", columns_of(events) | {"t": t}, t_offset=offset, ms_to_idx="none")
+    assert joined(list(open_events(path, sensor=SIZE))).t.tolist() == (events.t + expected_us).tolist()
+
+
+def test_an_offset_that_is_no_number_is_named(tmp_path, events):
+    with pytest.raises(BadFile, match="its t_offset nan is no number"):
+        open_events(saved(tmp_path / "a.h5", columns_of(events), t_offset=np.nan), sensor=SIZE)
+
+
+@pytest.mark.parametrize("index", [np.full(500, np.nan), np.zeros((500, 2), int), np.int64(5)])
+def test_an_index_of_another_kind_is_not_used(tmp_path, events, index):
+    path = saved(tmp_path / "a.h5", columns_of(events), ms_to_idx=index)
+    found = joined(list(open_events(path, sensor=SIZE).packets(100_000)))
+    assert found.t.tolist() == events.t[events.t >= 100_000].tolist()
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        *({"geometry": value} for value in ("desk", "0x0", "64")),
+        *({"width": side, "height": 48} for side in (0, -64, np.nan, 10**6)),
+        {"sensor_resolution": [0, 0]},
+    ],
+)
+def test_sizes_that_are_none_are_named(tmp_path, events, rows, attributes):
+    path = saved(tmp_path / "a.h5", columns_of(events))
+    with h5py.File(path, "a") as file:
+        file.attrs.update(attributes)
+    with pytest.raises(BadFile, match=r"a\.h5: its .* is no sensor size\n  try: give it with --sensor"):
+        open_events(path)
+    assert rows(open_events(path, sensor=SIZE)) == rows([events])
+
+
+def test_what_else_a_file_holds_does_not_stand_in_the_way(tmp_path, events, rows):
+    """Another camera's arrays of unequal length, and an array that is called events and holds none."""
+    path = saved(tmp_path / "a.h5", columns_of(events))
+    with h5py.File(path, "a") as file:
+        for number, name in enumerate("txyp"):
+            file[f"right/{name}"] = np.zeros(5 + number)
+        file["left_events"] = np.random.default_rng(0).random((50, 4))
+    assert rows(open_events(path, sensor=SIZE)) == rows([events])
+    with pytest.raises(BadFile, match="unequal length"):
+        open_events(path, sensor=SIZE, topic="right")
+
+
+def test_more_columns_than_four_are_told_apart(tmp_path, events, rows):
+    table = np.stack((events.x, events.y, events.t * 1e-6, events.p, np.arange(1000) % 7), axis=1)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["davis/events"] = table
+    for columns in (None, "xytp_"):
+        assert rows(open_events(tmp_path / "a.h5", sensor=SIZE, columns=columns)) == rows([events])

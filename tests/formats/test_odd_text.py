@@ -6,9 +6,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile
+from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events, joined
 from evimo.formats import open_events
+from evimo.formats.zstandard import zstd
 
 SIZE = (48, 64)
 
@@ -89,9 +90,71 @@ def test_times_that_are_no_numbers_are_named(tmp_path, events, form, recwarn):
 
 
 def test_polarities_in_words_are_shown(tmp_path, events):
-    path = saved(tmp_path / "a.csv", events, "{t},{x},{y},ON", "t,x,y,p\n")
-    with pytest.raises(BadFile, match=r"such as .*,ON', are not `t x y p`"):
+    path = saved(tmp_path / "a.csv", events, "{t},{x},{y},UP", "t,x,y,p\n")
+    with pytest.raises(BadFile, match=r"such as .*,UP', are not `t x y p`"):
         open_events(path, sensor=SIZE)
+    with pytest.raises(BadFile, match=r"in '\d+ \d+ \d+ UP' no order"):
+        open_events(saved(tmp_path / "b.csv", events, "{t},{x},{y},UP"), sensor=SIZE)
+
+
+@pytest.mark.parametrize(("on", "off"), [("ON", "OFF"), ("on", "off"), ("'1'", "'-1'")])
+def test_polarities_in_words_and_quotes_are_read(tmp_path, events, rows, on, off):
+    path = saved(tmp_path / "a.csv", events, "{t},'{x}',{y},{p}")
+    path.write_text("".join(line[:-1] + (on if line[-1] == "1" else off) + "\n" for line in path.read_text().split()))
+    assert rows(open_events(path, sensor=SIZE)) == rows([events])
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        *("t,y,x,p", "# t y x p", "% timestamp[us] y x polarity", "timestamp,y_coordinate,x_coordinate,polarity"),
+        *(
+            "t,v,u,p",
+            "# Written by hand: timestamp(us) y x polarity",
+            "ts,pos_y,pos_x,pol",
+            "event_t,event_y,event_x,on",
+        ),
+    ],
+)
+def test_headings_of_all_kinds_name_the_order(tmp_path, events, rows, recwarn, heading):
+    path = saved(tmp_path / "a.csv", events, "{t},{y},{x},{p}", heading + "\n")
+    assert rows(open_events(path, sensor=SIZE)) == rows([events])
+    assert not recwarn.list
+
+
+def test_a_heading_of_unknown_names_is_said(tmp_path, events):
+    path = saved(tmp_path / "a.csv", events, "{t},{y},{x},{p}", "zeit,zeile,spalte,vorzeichen\n")
+    with pytest.warns(
+        EvimoWarning, match="'zeit,zeile,spalte,vorzeichen' names no columns that are known: taken as txyp"
+    ):
+        open_events(path, sensor=SIZE)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("64 48", "64x48", "# 64 48", "# resolution: 64x48", "%geometry:64;48", "# width: 64, height: 48"),
+        *("# width=64 height=48", "# sensor 64x48 of a desk", "# size: (64, 48)"),
+    ],
+)
+def test_sizes_in_comments_are_heeded(tmp_path, events, line):
+    assert open_events(saved(tmp_path / "a.csv", events, "{t},{x},{y},{p}", line + "\n")).sensor == SIZE
+
+
+@pytest.mark.parametrize("between", [":", "/"])
+def test_lines_of_other_marks_are_shown(tmp_path, events, between):
+    path = saved(tmp_path / "a.txt", events, between.join(("{t}", "{x}", "{y}", "{p}")))
+    with pytest.raises(BadFile, match=r"holds no events: its lines, such as '\d+[:/].*\n  try: .*semicolons or bars"):
+        open_events(path, sensor=SIZE)
+
+
+@pytest.mark.parametrize("skipped", [b"\x50\x2a\x4d\x18", b"\x5f\x2a\x4d\x18"])
+def test_frames_that_zstd_skips_are_skipped(tmp_path, events, rows, skipped):
+    path = saved(tmp_path / "a.txt", events, "{t} {x} {y} {p}")
+    whole = path.read_bytes()
+    frame = skipped + (3).to_bytes(4, "little") + b"abc"
+    path.with_suffix(".zst").write_bytes(frame + zstd().compress(whole[:5000]) + frame + zstd().compress(whole[5000:]))
+    assert rows(open_events(path.with_suffix(".zst"), sensor=SIZE)) == rows([events])
 
 
 @pytest.mark.parametrize("suffix", ["txt", "npz"])

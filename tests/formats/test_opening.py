@@ -1,11 +1,12 @@
 """Formats are recognised by content; what is no recording is refused in one clear sentence."""
 
+import gzip
 import shutil
 
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile, EvimoWarning, NotFound
+from evimo.errors import BadFile, BadInput, EvimoWarning, NotFound
 from evimo.formats import open_events
 
 
@@ -50,6 +51,12 @@ def test_nothing_there():
         (b"% date 2023-10-19\n% evt 3.0\n% end\n\0\x80\1\x60", "holds no events"),
         (b"% Data file containing CD events.\n% Version 2\n\0\x08\0\0\0\0", "holds no events"),
         (b"\x1f\x8b\x08\0", "gzip"),
+        (gzip.compress(b""), "compressed with gzip, and holds nothing"),
+        (b"\x50\x2a\x4d\x18\0\0\0\0", "compressed with zstd, and holds nothing"),
+        (b"\x04\x22\x4d\x18\0\0", "compressed with lz4"),
+        (b"PK\x05\x06" + bytes(18), "an empty zip archive"),
+        (b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(100), "a MATLAB file"),
+        (b'{"t": 1, "x": 2, "y": 3, "p": 1}\n', "a JSON file, no recording"),
         (b"\x89PNG\r\n\x1a\n\0\0", "picture"),
         (b"\0\0\0 ftypisom", "no known format"),
         (bytes(range(256)), "no known format"),
@@ -113,3 +120,21 @@ def test_folders_without_a_recording(tmp_path):
 def test_real_files_of_later_formats_are_named(shared_data, name, words):
     with pytest.raises(BadFile, match=words):
         open_events(shared_data(name))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        *(({"sensor": size}, "is no size of a sensor") for size in ("64x48", (64,), (0, 0), (-1, 5), (4.5, 9), 7)),
+        *(({"time_unit": unit}, "is no unit of times\n  try: one of s, ms, us, ns") for unit in ("min", "µs", 5)),
+        *(({"columns": columns}, "does not name t, x, y and p") for columns in ("", "txy", 5)),
+    ],
+)
+def test_options_of_other_kinds_are_named(recording, options, words):
+    with pytest.raises(BadInput, match=words):
+        open_events(recording, **options)
+
+
+def test_a_name_that_is_too_long_is_that_of_nothing():
+    with pytest.raises(NotFound, match="there is no file or folder"):
+        open_events("a" * 5000)

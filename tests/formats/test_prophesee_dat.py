@@ -91,12 +91,20 @@ def test_a_real_file(shared_data):
     assert np.array_equal(events.p > 0, [a >> 28 == 1 for _, a in stored])
 
 
+@pytest.mark.parametrize("wrong", [None, 0xFFFFFFFF, 0x90000000, 0x7FFFFFFF, 0])
+@pytest.mark.parametrize("since_us", [0, 2**31 - 100_000, 2**32 - 100_000])
 @pytest.mark.parametrize("at", [0, 1, 500, 999])
-def test_a_damaged_time_costs_its_own_event(tmp_path, events, at):
-    path = written(tmp_path / "a.dat", events)
+def test_a_damaged_time_costs_its_own_event(tmp_path, events, at, since_us, wrong):
+    """All bits set would be nearest to a time below zero: after it, all was 72 minutes late."""
+    late = Events(events.x, events.y, events.t + since_us, events.p)
+    path = written(tmp_path / "a.dat", late)
     raw = bytearray(path.read_bytes())
-    raw[-8 * (1000 - at) + 3] ^= 0x80
+    stored = int.from_bytes(raw[-8 * (1000 - at) : -8 * (1000 - at) + 4], "little")
+    changed = stored ^ 0x80000000 if wrong is None else wrong
+    if abs(int(np.int32(np.uint32((changed - stored) & 0xFFFFFFFF)))) < 200_000:
+        return  # as good as any other time of this recording
+    raw[-8 * (1000 - at) : -8 * (1000 - at) + 4] = changed.to_bytes(4, "little")
     path.write_bytes(raw)
     with pytest.warns(EvimoWarning, match="1 events"):
         found = joined(list(open_events(path)))
-    assert found.t.tolist() == np.delete(events.t, at).tolist()
+    assert found.t.tolist() == np.delete(late.t, at).tolist()

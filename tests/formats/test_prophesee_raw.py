@@ -162,6 +162,23 @@ def test_damage_is_counted_and_said(tmp_path, kind, encoded, some_events):
     assert opened.stop_us == events.t[-1] + 1
 
 
+@pytest.mark.parametrize("zeros", [2, 17, 4096])
+@pytest.mark.parametrize("kept", [0, 3_000])
+def test_a_hole_in_evt2_is_no_events_of_the_corner(tmp_path, encoded, some_events, zeros, kept):
+    """Zeros, as of a file that was copied in part, are words of pixel 0, 0; after them the clock is not known."""
+    events = some_events(5000)
+    words, places = encoded.evt2(events)
+    at, highs = places[2000], np.flatnonzero(words >> 28 == 8)
+    again = highs[np.searchsorted(highs, at + kept)]
+    holed = np.concatenate((words[:at], np.zeros(zeros, "<u4"), words[at + kept :]))
+    opened = open_events(written(tmp_path / "a.raw", holed, new_header("evt2")))
+    with pytest.warns(EvimoWarning, match="events beside damaged words are lost"):
+        found = joined(list(opened))
+    gone = (places >= at) & (places < again)
+    assert found.t.tolist() == events.t[~gone].tolist()
+    assert opened.faults.damaged == zeros + again - at - kept
+
+
 @pytest.mark.parametrize("span_us", [1_000, 400_000, 60_000_000])
 def test_what_simulate_writes_is_read_back(tmp_path, some_events, rows, span_us):
     events = some_events(2000, span_us=span_us)

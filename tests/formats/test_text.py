@@ -137,6 +137,12 @@ def test_pixels_outside_are_dropped_and_counted(tmp_path):
         assert sum(map(len, open_events(path, sensor=SIZE))) == 2
 
 
+def test_a_sensor_that_most_events_lie_outside_is_refused(tmp_path, some_events):
+    path = written(tmp_path / "a.txt", listed(some_events(1000), "{t} {x} {y} {p}"))
+    with pytest.raises(BadFile, match=r"\d+ of 1,000 events lie outside a sensor of 20x20\n  try: give its size"):
+        list(open_events(path, sensor=(20, 20)))
+
+
 def test_unsorted_lines_are_sorted_and_counted(tmp_path):
     path = written(tmp_path / "a.txt", "0 1 1 1\n7 1 1 1\n5 1 1 1\n9 1 1 1\n")
     with pytest.warns(EvimoWarning, match="1 events were out of order"):

@@ -1,5 +1,6 @@
 """Units of time: found from real recordings written in each unit, said when guessed, refused when impossible."""
 
+import h5py
 import numpy as np
 import pytest
 
@@ -110,6 +111,78 @@ def test_a_time_that_is_no_number_costs_one_event(tmp_path, some_events, rows, w
         assert rows(open_events(tmp_path / "a.txt", sensor=(48, 64))) == rows(
             [events.part(0, 1500), events.part(1501, 3000)]
         )
+
+
+@pytest.mark.parametrize(
+    "suffix, jump_us",
+    [
+        *((suffix, 3_600_000_000) for suffix in ("txt", "npz", "h5")),
+        *((suffix, -(1 << bits)) for suffix in ("txt", "npz") for bits in (24, 31, 32)),
+    ],
+)
+def test_a_pause_or_a_wrap_among_few_events_leaves_the_unit(tmp_path, suffix, jump_us):
+    """Most pixels see one event before it and one after it, which says nothing of how soon they see the next."""
+    draw = np.random.default_rng(0)
+    t, x, y = np.sort(draw.integers(0, 200_000, 12_000)), draw.integers(0, 200, 12_000), draw.integers(0, 150, 12_000)
+    start_us = max(-jump_us - 100_000, 0)
+    stored = t + start_us + np.where(t < 100_000, 0, jump_us)
+    save(tmp_path / f"a.{suffix}", stored, x, y)
+    opened = open_events(tmp_path / f"a.{suffix}", sensor=(180, 240))
+    assert (opened.start_us, opened.stop_us) == (start_us + t[0], start_us + t[-1] + 1 + max(jump_us, 0))
+
+
+def save(path, t, x, y):
+    columns = {"t": t, "x": x, "y": y, "p": np.arange(len(t)) % 2}
+    if path.suffix == ".txt":
+        np.savetxt(path, np.stack(list(columns.values()), axis=1), fmt="%d")
+    elif path.suffix == ".npz":
+        np.savez(path, **columns)
+    else:
+        with h5py.File(path, "w") as file:
+            for name, column in columns.items():
+                file[f"events/{name}"] = column
+
+
+@pytest.mark.parametrize("kind", ["f4", "<i8"])
+@pytest.mark.parametrize("suffix", ["txt", "npz", "h5", ""])
+def test_times_that_stand_still_are_refused(tmp_path, some_events, suffix, kind):
+    """Seconds since 1970 in float32, or with six digits, are all the same."""
+    events = some_events(5000)
+    t = (events.t * 1e-6 + 1_589_163_147).astype(np.float32) if kind == "f4" else np.zeros(5000, np.int64)
+    path = tmp_path / (f"a.{suffix}" if suffix else "folder")
+    if suffix:
+        save(path, t, events.x, events.y)
+    else:
+        path.mkdir()
+        for name, array in (("t", t), ("xy", np.stack((events.x, events.y), axis=1)), ("p", events.p > 0)):
+            np.save(path / f"dataset_events_{name}.npy", array)
+    with pytest.raises(BadFile, match="its 5,000 events lie within 1 µs: their times stand still"):
+        open_events(path, sensor=(48, 64))
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2", "f2"])
+@pytest.mark.parametrize("suffix", ["npz", "h5"])
+def test_times_in_small_types_are_no_traceback(tmp_path, some_events, recwarn, suffix, kind):
+    events = some_events(200)
+    t = (events.t // 1000).astype(kind)
+    save(tmp_path / f"a.{suffix}", t, events.x.astype("f2"), events.y.astype("f2"))
+    opened = open_events(tmp_path / f"a.{suffix}", sensor=(48, 64), time_unit="ms")
+    assert opened.stop_us == int(t[-1]) * 1000 + 1 and sum(map(len, opened)) == 200
+    assert not recwarn.list
+
+
+def test_a_unit_that_is_said_and_cannot_be_is_said_to_be_so(tmp_path, some_events):
+    (tmp_path / "a.txt").write_text(text_of(some_events(20_000), "{0}", 0))
+    with pytest.warns(EvimoWarning, match=r"in ns there would be .*: no camera does that; --time-unit ns may not"):
+        open_events(tmp_path / "a.txt", sensor=(48, 64), time_unit="ns")
+
+
+def test_times_none_of_which_is_a_number(tmp_path, some_events, recwarn):
+    events = some_events(500)
+    np.savez(tmp_path / "a.npz", t=np.full(500, np.nan), x=events.x, y=events.y, p=events.p)
+    with pytest.raises(BadFile, match="none of its times is a number"):
+        open_events(tmp_path / "a.npz", sensor=(48, 64))
+    assert not recwarn.list
 
 
 @pytest.mark.parametrize("kind", ["u4", "i4", "i8", "u8", "f8"])

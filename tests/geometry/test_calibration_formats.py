@@ -312,3 +312,97 @@ def test_what_strangers_wrote_ends_in_one_error(written, text):
     with pytest.raises((BadFile, BadInput)) as error:
         load_camera(written(text), size=(180, 240))
     assert len(str(error.value)) < 700
+
+
+BENT4 = BENT[:4]
+NAMED = {"fx": 1000.5, "fy": 1001.5, "cx": 640.25, "cy": 360.75}
+LENS4 = dict(zip(("k1", "k2", "p1", "p2"), BENT4, strict=True))
+SIZE = {"width": 1280, "height": 720}
+ROWS = {"camera_matrix": MATRIX.tolist(), "image_size": [1280, 720]}
+HD4 = Camera(1000.5, 1001.5, 640.25, 360.75, 720, 1280, BENT4)
+
+
+@pytest.mark.parametrize(
+    "tree, expected",
+    [
+        (NAMED | LENS4 | SIZE, HD4),
+        (NAMED | LENS4 | SIZE | {"k3": 0.05}, HD),
+        (
+            NAMED | SIZE | {"k1": 0.1, "k2": 0.2, "k3": 0.3},
+            Camera(*NAMED.values(), 720, 1280, (0.1, 0.2, 0.0, 0.0, 0.3)),
+        ),
+        ({"intrinsics": NAMED, "distortion": LENS4} | SIZE, HD4),
+        (ROWS | {"dist": [BENT]}, HD),
+        ({"mtx": MATRIX.tolist(), "dist": [BENT], "imageSize": [1280, 720]}, HD),
+        (ROWS | {"dist": BENT, "image_size": SIZE}, HD),
+        (ROWS | {"dist": BENT, "distortion_model": ""}, HD),
+        (ROWS | {"dist": BENT4, "fisheye_model": "True"}, Camera(*NAMED.values(), 720, 1280, BENT4, "fisheye")),
+        (
+            NAMED | SIZE | {"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4, "distortion_model": "fisheye"},
+            Camera(*NAMED.values(), 720, 1280, (0.1, 0.2, 0.3, 0.4), "fisheye"),
+        ),
+        (  # VINS, camodocal
+            {"model_type": "PINHOLE", "image_width": 1280, "image_height": 720}
+            | {"distortion_parameters": LENS4, "projection_parameters": NAMED},
+            HD4,
+        ),
+    ],
+)
+def test_lenses_by_other_names_are_not_left_out(written, tree, expected):
+    assert load_camera(written(json.dumps(tree))) == expected
+
+
+@pytest.mark.parametrize(
+    "tree, words",
+    [
+        (ROWS | {"dist_coeff": BENT}, "its 'dist_coeff' is not understood"),
+        (ROWS | {"distortionParams": {"a": 1}}, "its 'distortionParams' is not understood"),
+        (ROWS | {"dist": BENT4, "distortion_model": "none"}, r"no lens \(none\), but 4 coefficients"),
+        (ROWS | {"distortion_model": "equidistant"}, "a equidistant lens without its coefficients"),
+        (NAMED | SIZE | {"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}, "without the name of their lens"),
+        (NAMED | LENS4 | SIZE | {"k3": 0.1, "k4": 0.1, "k5": 0, "k6": 0}, "a radtan lens with 8 coefficients"),
+        (NAMED | LENS4 | SIZE | {"cx": 1300}, r"centre 1300, 360\.75 is not on a sensor of 1280x720"),
+        (NAMED | SIZE | {"cy": -1}, "is not on a sensor"),
+        (NAMED | SIZE | {"fx": 8, "fy": 8}, r"focal lengths of 8 and 8 px are impossible .*\n.*in px"),
+        (NAMED | SIZE | {"fx": 1e9}, "are impossible on a sensor of 1280x720"),
+        (
+            {"model_type": "MEI", "projection_parameters": {"gamma1": 1, "gamma2": 1, "u0": 1, "v0": 1}} | SIZE,
+            "unknown lens model 'MEI'",
+        ),
+    ],
+)
+def test_lenses_and_numbers_that_cannot_be_are_named(written, tree, words):
+    with pytest.raises((BadFile, BadInput), match=words):
+        load_camera(written(json.dumps(tree)))
+
+
+def test_numbers_with_comments_and_brackets(written):
+    numbers = tuple(map(float, RPG.split()))
+    expected = Camera(*numbers[:4], 180, 240, numbers[4:])
+    for text in ("# fx fy cx cy k1 k2 p1 p2 k3\n" + RPG, f"[{RPG.replace(' ', ', ')}]", "% of the left\n" + RPG):
+        assert load_camera(written(text), size=(180, 240)) == expected
+    assert load_camera(written(str(MATRIX)), size=(720, 1280)) == Camera(*NAMED.values(), 720, 1280)
+    nearly = np.where(MATRIX == 0, 1e-13, MATRIX)
+    nearly[2] = 0, 0, 1
+    tree = {"camera_matrix": nearly.tolist(), "image_size": [1280, 720]}
+    assert load_camera(written(json.dumps(tree))) == Camera(*NAMED.values(), 720, 1280)
+
+
+def test_a_camera_is_named_by_its_topic_too(written):
+    path = written(chain("/davis/left/image_raw", "/davis/right/image_raw"))
+    assert load_camera(path, camera="/davis/right/image_raw").fx == 101
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (
+            "version https://git-lfs.github.com/spec/v1\noid sha256:ab\nsize 1\n",
+            "a git-lfs pointer, .*\n.*git lfs pull",
+        ),
+        ("\n<!DOCTYPE html>\n<html><body>Sign in</body></html>", r"a web page \(HTML\), not the file itself"),
+    ],
+)
+def test_what_lies_in_place_of_a_calibration_is_called_that(written, text, words):
+    with pytest.raises(BadFile, match=words):
+        load_camera(written(text))

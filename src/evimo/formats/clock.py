@@ -1,7 +1,7 @@
 """The order of a recording's events: sorted within a window, outliers left out, cut where the clock starts again.
 
 What comes out does not depend on how the file is cut into packets: each event is judged by those before it and by the
-64 that follow it in the file.
+64 that follow it in the file, and a jump ahead by the 16,384 that follow.
 """
 
 from collections.abc import Iterator

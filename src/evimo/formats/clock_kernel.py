@@ -16,6 +16,7 @@ from evimo.formats.clock_rules import (
     KEPT,
     LATE,
     LONG_US,
+    LONGEST_BLOCK,
     MOST_US,
     NEWEST,
     NO_TIME,
@@ -60,6 +61,19 @@ def on_clock(time, state):
 
 
 @njit(nogil=True, error_model="numpy")
+def is_strange_block(times, at, newest):
+    """Whether a block ahead of the clock begins: after it as many events go on where the clock was before."""
+    limit, stop, last = times[at] - WINDOW_US, at + 1, min(at + LONGEST_BLOCK, len(times))
+    while stop < last and not newest - WINDOW_US <= times[stop] < limit:
+        stop += 1
+    length = stop - at
+    if stop == last or 2 * length < AHEAD:  # shorter ones are told by the majority of those that follow
+        return False
+    earlier, _ = before(times, stop, min(stop + length, len(times)), limit)
+    return 2 * earlier > length
+
+
+@njit(nogil=True, error_model="numpy")
 def ahead_of_clock(times, at, state, final):
     """An event after a pause, or the first one: what those that follow say of it."""
     last = min(at + 1 + AHEAD, len(times))
@@ -68,6 +82,11 @@ def ahead_of_clock(times, at, state, final):
     earlier, valid = before(times, at + 1, last, times[at] - WINDOW_US)
     if 2 * earlier > valid:
         return OUTLIER
+    if state[ACCEPTED] > 0:
+        if len(times) - at <= 2 * LONGEST_BLOCK and not final:
+            return WAITING
+        if is_strange_block(times, at, state[NEWEST]):
+            return OUTLIER
     count, length = state[ACCEPTED], state[NEWEST] - state[OLDEST]
     if count > 0 and times[at] - state[NEWEST] > max(LONG_US, length):
         if count < AHEAD and valid == AHEAD:

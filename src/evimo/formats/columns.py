@@ -1,6 +1,7 @@
 """The order of a table's columns: as the user says it, by their names, or from what they hold."""
 
 import re
+import warnings
 from collections.abc import Sequence
 from itertools import permutations
 from pathlib import Path
@@ -9,16 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, BadInput
+from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.formats.time_units import TimeUnit
 
 LETTERS = "txyp"
 NAMES = {
     "t": {"t", "ts", "time", "times", "timestamp", "timestamps"},
-    "x": {"x", "xs", "col", "column"},
-    "y": {"y", "ys", "row"},
+    "x": {"x", "xs", "col", "column", "u", "posx", "xpos"},
+    "y": {"y", "ys", "row", "v", "posy", "ypos"},
     "p": {"p", "ps", "pol", "polarity", "polarities", "on"},
 }
+BESIDE = {"event", "events", "ev", "pixel", "px", "pos", "position", "coord", "coordinate", "addr", "address", "sensor"}
 UNITS: dict[str, TimeUnit] = {
     **dict.fromkeys(("s", "sec", "secs", "seconds"), "s"),
     **dict.fromkeys(("ms", "milliseconds"), "ms"),
@@ -39,7 +41,7 @@ def said_columns(columns: str) -> str:
     Raises:
         BadInput: a letter is missing, there twice, or unknown.
     """
-    letters = columns.strip().lower().replace(",", "").replace(" ", "")
+    letters = str(columns).lower().replace(",", "").replace(" ", "")
     if sorted(letters.replace("_", "")) != sorted(LETTERS):
         raise BadInput(f"--columns {columns!r} does not name t, x, y and p once each", fix=FIX)
     return letters
@@ -51,9 +53,14 @@ def named_columns(words: Sequence[str]) -> str | None:
     for word in words:
         plain = word.strip("\"'").lower()
         name, of_time = re.sub(r"[\[(@].*", "", plain).strip(), UNIT.sub("", plain).strip()
-        found = next((letter for letter, names in NAMES.items() if (of_time if letter == "t" else name) in names), "_")
+        found = next((each for each, names in NAMES.items() if _core(of_time if each == "t" else name) in names), "_")
         letters += "_" if found in letters else found
     return letters if set(LETTERS) <= set(letters) else None
+
+
+def _core(name: str) -> str:
+    """The word of a name that tells: x of x_coordinate."""
+    return "_".join(word for word in re.split(r"[\s_.-]+", name) if word not in BESIDE)
 
 
 def named_unit(words: Sequence[str], columns: str) -> TimeUnit | None:
@@ -87,13 +94,13 @@ def refuse_split_times(path: Path, sample: NDArray[np.float64], columns: str) ->
         )
 
 
-def found_columns(path: Path, sample: NDArray[np.float64]) -> str:
+def found_columns(path: Path, sample: NDArray[np.float64], shown: str = "") -> str:
     """Return the letters of columns from what they hold: rows (N, C) of all parts of the file, in its
     order.
 
     Polarities are 0 and 1, or -1 and 1; pixels are below 16384, whole if they can be, columns before rows; times are
     what pixels cannot be, or do not fall. A first column that counts the rows is left out. Where the usual order
-    t x y p is as good as any other, it is taken.
+    t x y p is as good as any other, it is taken. `shown` is a row as the file has it, for messages.
 
     Raises:
         BadFile: no order fits, or several do.
@@ -106,7 +113,7 @@ def found_columns(path: Path, sample: NDArray[np.float64]) -> str:
     first = 1 if sample.shape[1] > 4 and len(sample) > 2 and _mostly(np.diff(sample[:, 0]) == 1) else 0
     ranked = _ranked(sample, [first + at for at in range(4)]) or _ranked(sample, range(sample.shape[1]))
     if not ranked:
-        shown = " ".join(f"{value:.12g}" for value in sample[0])
+        shown = shown or " ".join(f"{value:.12g}" for value in sample[0])
         raise BadFile(f"{path.name} is no event recording: in {shown!r} no order of t, x, y and p makes sense", fix=FIX)
     best, order = ranked[0]
     if len(ranked) > 1 and ranked[1][0] == best:
@@ -136,6 +143,32 @@ def check_polarities(path: Path, sample: NDArray[Any]) -> None:
             f"{path.name}: its polarities are {shown}, and nothing tells which is brighter",
             fix="write 1 for brighter, and 0 or -1 for darker; EVIMO2 of before 24 May 2022: download it again",
         )
+
+
+def check_pixels(path: Path, x: NDArray[Any], y: NDArray[Any]) -> None:
+    """Say of arrays that events which lie between pixels are rounded.
+
+    Raises:
+        BadFile: as `refuse_normalised`.
+    """
+    if any(np.any(side != np.rint(side)) for side in refuse_normalised(path, x, y)):
+        text = f"{path.name}: its events lie between pixels and are rounded to the nearest"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
+
+
+def refuse_normalised(path: Path, x: NDArray[Any], y: NDArray[Any]) -> list[NDArray[Any]]:
+    """Refuse coordinates from 0 to 1, or -1 to 1, that are parts of an image; else return those that are numbers.
+
+    Raises:
+        BadFile: all are so, and they have fractions.
+    """
+    sides = [np.asarray(side[np.isfinite(side)], np.float64) for side in (x, y)]
+    if all(len(side) and np.abs(side).max() <= 1 and np.any(side != np.rint(side)) for side in sides):
+        raise BadFile(
+            f"{path.name}: its pixels, such as {sides[0][0]:.4g}, {sides[1][0]:.4g}, are parts of an image",
+            fix="multiply them with the sensor's width and height: whole columns and rows are read",
+        )
+    return sides
 
 
 def check_lengths(path: Path, lengths: dict[str, int]) -> None:

@@ -17,6 +17,8 @@ from evimo.formats.damage import mended
 from evimo.formats.sensors import size_in_words
 from evimo.geometry.camera import Camera
 
+MOST_PER_US = 1000  # events: no sensor gives more
+FEW = 64  # events that are never too many to leave out
 LATE_SHARE = 20  # one event in so many may be late; more, and the order of the file is no order in time
 
 
@@ -90,7 +92,7 @@ class EventFile:
         Warns once at the end of the pass if events had to be sorted or dropped.
 
         Raises:
-            BadFile: the order of the events cannot be restored, or none lies on the sensor.
+            BadFile: the order of the events cannot be restored, or most lie outside the sensor.
         """
         start = self.start_us if start_us is None else start_us
         stop = self.stop_us if stop_us is None else stop_us
@@ -105,6 +107,8 @@ class EventFile:
             if len(cut):
                 yield cut
         self._report(faults, kept)
+        if (start, stop) == (self.start_us, self.stop_us):
+            refuse_standstill(self.path, kept, stop - start)
 
     def gyroscope(self) -> Gyroscope | None:
         """All samples of the gyroscope beside the sensor; None where the recording has none.
@@ -118,9 +122,11 @@ class EventFile:
 
     def _report(self, faults: Faults, kept: int) -> None:
         refuse_disorder(self.path, faults, kept)
-        if faults.outside and not kept:
+        if faults.outside > (max(kept, FEW) if kept else 0):
+            beside = f"{faults.outside:,} of {faults.outside + kept:,} events lie outside"
+            beside = beside if kept else f"none of {faults.outside:,} events lies on"
             raise BadFile(
-                f"{self.path.name}: none of {faults.outside:,} events lies on a sensor of {size_in_words(self.sensor)}",
+                f"{self.path.name}: {beside} a sensor of {size_in_words(self.sensor)}",
                 fix="give its size with --sensor WxH, and the order of a table's columns with --columns, as in txyp",
             )
         if parts := faults.parts(self.sensor):
@@ -131,9 +137,15 @@ def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
     """Refuse a recording whose order in time is lost.
 
     Raises:
-        BadFile: more than one event in twenty is late, or most come after a reset of the clock.
+        BadFile: more than one event in twenty is late, most come after a reset of the clock, or a third are far off.
     """
     whole = faults.late + faults.after_reset + kept
+    if 2 * faults.outlying > max(whole, 2 * FEW):
+        raise BadFile(
+            f"{path.name}: the times of {faults.outlying:,} of {whole + faults.outlying:,} events are far from those "
+            "around them",
+            fix="export it again: its events may be of several cameras, one after the other",
+        )
     if faults.late * LATE_SHARE <= whole and faults.after_reset <= kept:
         return
     lost, old = faults.late + faults.after_reset, f"more than {WINDOW_US // 1000} ms older than events before them"
@@ -141,6 +153,19 @@ def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
         f"{path.name}: {lost:,} of {whole + faults.outlying:,} events are {old}",
         fix="sort the recording by time, or split it where its clock starts again",
     )
+
+
+def refuse_standstill(path: Path, events: int, span_us: int) -> None:
+    """Refuse a recording whose times stand still, as seconds since 1970 do in float32.
+
+    Raises:
+        BadFile: so many events in so short a span are those of no sensor.
+    """
+    if events > MOST_PER_US * span_us:
+        raise BadFile(
+            f"{path.name}: its {events:,} events lie within {span_us} µs: their times stand still",
+            fix="export it with all digits of its times, as whole µs or float64 seconds; or check --time-unit",
+        )
 
 
 def on_sensor(packets: Iterator[Events], sensor: tuple[int, int], faults: Faults) -> Iterator[Events]:

@@ -4,9 +4,11 @@
 import numpy as np
 
 from evimo.compiling import njit
+from evimo.formats.clock_rules import NO_TIME
 
 UNKNOWN = -1
 PACKET_HEADER, POLARITY, FRAME, FRAME_HEADER = 28, 1, 2, 36
+FAR_US = 1 << 29  # between two times of DAT: nine minutes
 KINDS = 16  # kinds of AEDAT 3 packets that are counted
 RECORD_BYTES = (8, 8, 0, 36, 48)  # of special, polarity, frame (any), IMU of 6 and of 9 axes
 LONGEST_BYTES = 1 << 26
@@ -17,7 +19,8 @@ def decode_dat(records, state, final, bits):
     """DAT events (N, 2) u4: time in µs, then column, row and polarity; state[0] is the time reached.
 
     `bits` are those of the column and of the row, and where the polarity is. Each time is the one nearest to that
-    before it whose low 32 bits are as stored, and not negative. Returns as `decode_evt2`.
+    before it whose low 32 bits are as stored; the first is near the middle one of the first three. A time far from
+    the one before it and from the next is passed over. Returns as `decode_evt2`.
     """
     count = len(records)
     x, y = np.empty(count, np.uint16), np.empty(count, np.uint16)
@@ -25,13 +28,17 @@ def decode_dat(records, state, final, bits):
     columns, rows, sign = np.uint32(bits[0]), np.uint32(bits[1]), np.uint32(bits[2])
     of_column, of_row = (1 << columns) - 1, (1 << rows) - 1
     reached = state[0]
-    if reached == UNKNOWN and count:
-        reached = np.int64(records[0, 0])
+    if reached == NO_TIME and count:
+        reached = np.int64(np.median(records[: min(count, 3), 0]))
     for at in range(count):
         address = records[at, 1]
-        reached += np.int32(records[at, 0] - np.uint32(reached))
-        reached += (reached < 0) << 32
-        x[at], y[at], t[at] = address & of_column, address >> columns & of_row, reached
+        now = reached + np.int32(records[at, 0] - np.uint32(reached))
+        if abs(now - reached) < FAR_US or (
+            at + 1 < count and abs(np.int64(np.int32(records[at + 1, 0] - records[at, 0]))) < FAR_US
+        ):
+            reached = now
+        x[at], y[at] = address & of_column, address >> columns & of_row
+        t[at] = now + (np.int64(now < 0) << 32)
         p[at] = 2 * np.int8(address >> sign & 1) - 1
     state[0] = reached
     return x, y, t, p, count, 0

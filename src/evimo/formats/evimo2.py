@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
-from evimo.formats.columns import check_lengths, check_polarities, signs
+from evimo.formats.columns import check_lengths, check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive, ArrayHeader, array_header
-from evimo.formats.sensors import assumed_sensor, on_sign, whole_pixels
+from evimo.formats.sensors import NOWHERE, assumed_sensor, on_sign, whole_pixels
 from evimo.formats.stored_gyroscope import folder_gyroscope
 from evimo.formats.stored_times import StoredTimes
 from evimo.formats.survey import no_events_in
@@ -38,9 +38,10 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
     arrays = _arrays(folder)
     t, xy = arrays["t"], arrays["xy"]
     check_polarities(folder, arrays["p"][:REPEAT_EVENTS])
+    check_pixels(folder, xy[:REPEAT_EVENTS, 0], xy[:REPEAT_EVENTS, 1])
     size = sensor or _stored_size(folder)
     if size is None:
-        size = assumed_sensor(folder, (int(xy[:, 1].max()) + 1, int(xy[:, 0].max()) + 1))
+        size = assumed_sensor(folder, (_extent(xy[:, 1]), _extent(xy[:, 0])))
     times = StoredTimes(
         folder,
         lambda first, last: t[first:last],
@@ -68,6 +69,12 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
     )
 
 
+def _extent(side: NDArray[Any]) -> int:
+    """One more than the largest pixel."""
+    pixels = whole_pixels(side)
+    return int(pixels[pixels < NOWHERE].max(initial=0)) + 1
+
+
 def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int, on: int) -> Events:
     part = slice(first, first + PACKET_EVENTS)
     xy = arrays["xy"][part]
@@ -82,7 +89,8 @@ def _arrays(folder: Path) -> dict[str, NDArray[Any]]:
         BadFile: they are no such arrays, or were not written together, so that nobody knows which rows belong together.
     """
     arrays = {name: mapped(folder / f"dataset_events_{name}.npy") for name in ("t", "xy", "p")}
-    if arrays["t"].dtype.kind not in "iuf" or arrays["t"].ndim != 1 or arrays["xy"].shape[1:] != (2,):
+    shapes = [array.shape[1:] for array in arrays.values()]
+    if any(array.dtype.kind not in "iufb" for array in arrays.values()) or shapes != [(), (2,), ()]:
         kinds = ", ".join(f"{name} {array.dtype} {array.shape}" for name, array in arrays.items())
         raise BadFile(f"{folder}: unexpected arrays ({kinds})", fix="t (N,) seconds, xy (N, 2), p (N,)")
     stated = {f"dataset_events_{name}.npy": _header(folder / f"dataset_events_{name}.npy").shape[0] for name in arrays}

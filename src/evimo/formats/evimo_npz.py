@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.clock_rules import NO_TIME
-from evimo.formats.columns import check_polarities, signs
+from evimo.formats.columns import check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive
 from evimo.formats.npz_rows import NpzRows
@@ -75,6 +75,7 @@ def _unit(path: Path, rows: NpzRows, sensor: tuple[int, int] | None, said: TimeU
         raise no_events_in(path)
     t, x, y, p = first
     check_polarities(path, p)
+    check_pixels(path, x, y)
     height, width = sensor or fitting_sensor((int(whole_pixels(y).max()) + 1, int(whole_pixels(x).max()) + 1))
     pieces = [np.asarray(t[at : at + PIECE_ROWS], np.float64) for at in range(0, len(t), PIECE_ROWS)]
     times = Times(pieces, step_of(t), height * width, repeat_of(x, y, t))

@@ -53,7 +53,9 @@ def decode_evt2(words, state, final):
             count += len(some)
             spread(some, now, (x[first:count], y[first:count], t[first:count], p[first:count]))
         else:
-            for word in some:
+            hole = hole_in(some)
+            lost += len(some) - hole
+            for word in some[:hole]:
                 x[count], y[count] = word >> 11 & 0x7FF, word & 0x7FF
                 t[count], p[count] = now | (word >> 22 & 0x3F), (word >> 27 & 2) - 1
                 count += word >> 29 == 0
@@ -70,11 +72,24 @@ def decode_evt2(words, state, final):
 
 @njit(nogil=True)
 def all_changes(words):
-    """Whether all words are events, OFF or ON."""
-    bits = np.uint32(0)
+    """Whether all words are events, OFF or ON, and none is a hole's."""
+    bits, zeros = np.uint32(0), np.uint32(0)
     for word in words:
         bits |= word
-    return bits >> np.uint32(29) == 0
+        zeros += np.uint32(word == 0)
+    return bits >> np.uint32(29) == 0 and zeros < 2
+
+
+@njit(nogil=True)
+def hole_in(words):
+    """Where words of zeros begin, two at least, as of a file that was copied in part; their number where none do.
+
+    A pixel at the corner has no two events at once, and what follows a hole has lost its clock.
+    """
+    for at in range(1, len(words)):
+        if words[at] | words[at - 1] == 0:
+            return at - 1
+    return len(words)
 
 
 @njit(nogil=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning, NotFound
 from evimo.events.events import Events
-from evimo.formats.columns import check_polarities, signs
+from evimo.formats.columns import check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile
 from evimo.formats.hdf5_tables import EventTable, event_tables, require_filters, stored_size
 from evimo.formats.sensors import assumed_sensor, fitting_sensor, whole_pixels
@@ -43,11 +43,12 @@ def open_hdf5(
         file = h5py.File(path, "r")
         tables = event_tables(path, file, columns)
         table = _chosen(path, tables, topic)
+        table.require_whole(path)
         for array, _ in table.columns.values():
             require_filters(path, array)
         if not table.count:
             raise no_events_in(path)
-        reader = _Reader(path, table, said=time_unit, size=sensor or stored_size(file, table))
+        reader = _Reader(path, table, said=time_unit, size=sensor or stored_size(path, file, table))
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # as h5py has it of damaged files
         raise BadFile(f"{path.name} is HDF5, but damaged or cut short: {error}", fix=CUT) from error
     return EventFile(
@@ -68,6 +69,7 @@ class _Reader:
         self._path, self._table = path, table
         *first, polarities = self._stored("xytp", 0, REPEAT_EVENTS)
         check_polarities(path, polarities)
+        check_pixels(path, *first[:2])
         extent = (1, 1) if size else self._extent()
         height, width = size or fitting_sensor(extent)
         self.times = StoredTimes(
@@ -77,10 +79,10 @@ class _Reader:
             pixels=height * width,
             repeat=repeat_of(*first),
             said=said,
-            offset=_beside(table, "t_offset", 0),
+            offset=_offset(path, table),
         )
-        index = _beside(table, "ms_to_idx", None)
-        self._index = _beside(table, "ms_map_idx", None) if index is None else index
+        index = _beside(table, "ms_to_idx")
+        self._index = _beside(table, "ms_map_idx") if index is None else index
         self.sensor = size or assumed_sensor(path, extent)
 
     def packets(self, start_us: int) -> Iterator[Events]:
@@ -95,7 +97,7 @@ class _Reader:
         An index that does not fit the times, as one that was copied from another file, is not used.
         """
         millisecond = (start_us - self.times.offset_us) // 1000 - 50
-        if self._index is None or not np.ndim(self._index) or not len(self._index):
+        if self._index is None or self._index.ndim != 1 or not len(self._index) or self._index.dtype.kind == "f":
             return self.times.place(start_us)
         at = int(self._index[min(millisecond, len(self._index) - 1)]) if millisecond > 0 else 0
         if at == 0:
@@ -137,11 +139,24 @@ def _chosen(path: Path, tables: list[EventTable], topic: str | None) -> EventTab
     return tables[0]
 
 
-def _beside(table: EventTable, name: str, missing: Any) -> Any:
-    """An array or number that lies beside the events or above them."""
+def _offset(path: Path, table: EventTable) -> float:
+    """What is to be added to all times.
+
+    Raises:
+        BadFile: it is no number.
+    """
+    offset = _beside(table, "t_offset")
+    if offset is None:
+        return 0
+    if offset.size != 1 or not np.isfinite(offset).all():
+        raise BadFile(f"{path.name}: its t_offset {offset.tolist()!s:.40} is no number", fix="export it again")
+    return offset.reshape(-1)[0].item()
+
+
+def _beside(table: EventTable, name: str) -> NDArray[Any] | None:
+    """An array of numbers, or a number, that lies beside the events or above them; None where there is none."""
     parent = table.columns["t"][0].parent
     for group in (parent, parent.parent):
-        if isinstance(group.get(name), h5py.Dataset):
-            value = group[name][()]
-            return value if value.shape else int(value)
-    return missing
+        if isinstance(found := group.get(name), h5py.Dataset) and found.dtype.kind in "iuf":
+            return np.asarray(found[()])
+    return None

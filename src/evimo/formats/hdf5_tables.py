@@ -4,6 +4,7 @@ DSEC, TUM-VIE and M3ED have four arrays in a group, Prophesee an array of fields
 found by the names of what they hold, wherever they lie.
 """
 
+import re
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile, MissingExtra
 from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, said_columns
-from evimo.formats.sensors import sensor_size
+from evimo.formats.sensors import NOWHERE
 
 ECF = 36559
 IN_PLUGIN = {32001: "blosc", 32026: "blosc2", 32004: "LZ4", 32008: "bitshuffle", 32015: "Zstandard", 307: "bzip2"}
@@ -25,6 +26,8 @@ SAMPLE_ROWS = 5000
 @dataclass(frozen=True, slots=True)
 class EventTable:
     """One sensor's events in an open file.
+
+    Their lengths are checked by `require_whole`, as those of another table do not matter.
 
     name:    where they lie, as users name it with --topic.
     columns: t, x, y, p: the array of each, and the field or column of that array; "" where the array is all its own.
@@ -39,15 +42,24 @@ class EventTable:
         """Columns of some events, as stored; an array that several of them lie in is read once."""
         read: dict[str, NDArray[Any]] = {}
         for letter in letters:
-            array, _ = self.columns[letter]
+            array, part = self.columns[letter]
             if array.name not in read:
-                read[array.name] = array[first:last]
+                lies = array.ndim == 2 and part == "" and array.shape[0] == 1  # as MATLAB's columns lie
+                read[array.name] = array[0, first:last] if lies else array[first:last]
         return [self._column(read, letter) for letter in letters]
+
+    def require_whole(self, path: Path) -> None:
+        """Refuse arrays of unequal length.
+
+        Raises:
+            BadFile: they are.
+        """
+        check_lengths(path, {array.name: array.size for array, part in self.columns.values() if part == ""})
 
     def _column(self, read: dict[str, NDArray[Any]], letter: str) -> NDArray[Any]:
         array, part = self.columns[letter]
         whole = read[array.name]
-        return whole[:, part] if isinstance(part, int) else whole[part] if part else whole
+        return whole[:, part] if isinstance(part, int) else whole[part] if part else whole.reshape(-1)
 
 
 def event_tables(path: Path, file: h5py.File, columns: str | None) -> list[EventTable]:
@@ -56,36 +68,46 @@ def event_tables(path: Path, file: h5py.File, columns: str | None) -> list[Event
     Raises:
         BadFile: there are none, or they are compressed with what is not there.
     """
-    found: list[EventTable] = []
+    found, other, refused = list[EventTable](), list[str](), list[BadFile]()
 
     def look(name: str, there: Any) -> None:
-        table = _of_group(path, name, there) if isinstance(there, h5py.Group) else _of_array(path, name, there, columns)
+        try:
+            is_group = isinstance(there, h5py.Group)
+            table = _of_group(name, there) if is_group else _of_array(path, name, there, columns)
+        except BadFile as error:
+            refused.append(error)
+            return
         if table is not None:
             found.append(table)
+        elif not is_group:
+            other.append(f"{name} {there.shape}")
 
     look("", file)
     file.visititems(look)
+    if not found and refused:
+        raise refused[0]
     if not found:
-        names = list(file)[:8]
         raise BadFile(
-            f"{path.name} is HDF5 without events: {', '.join(names) or 'it is empty'}",
+            f"{path.name} is HDF5 without events: {', '.join(other[:8]) or 'it is empty'}",
             fix="arrays t, x, y, p in one group, or one array `events` with fields or columns of these",
         )
     return sorted(found, key=lambda table: -table.count)
 
 
-def _of_group(path: Path, name: str, group: Any) -> EventTable | None:
+def _of_group(name: str, group: Any) -> EventTable | None:
     """Four arrays side by side."""
     arrays = [key for key in group if _is_column(group.get(key))]
     if (order := named_columns(arrays)) is None:
         return None
     columns: dict[str, tuple[Any, str | int]] = {letter: (group[arrays[order.index(letter)]], "") for letter in LETTERS}
-    check_lengths(path, {array.name: len(array) for array, _ in columns.values()})
-    return EventTable(name or "/", columns, len(columns["t"][0]))
+    return EventTable(name or "/", columns, columns["t"][0].size)
 
 
 def _is_column(there: Any) -> bool:
-    return isinstance(there, h5py.Dataset) and there.ndim == 1 and there.dtype.kind in "iufb"
+    """Whether an array holds one number for each event, along whichever axis."""
+    if not isinstance(there, h5py.Dataset) or there.dtype.kind not in "iufb":
+        return False
+    return there.ndim == 1 or (there.ndim == 2 and 1 in there.shape)
 
 
 def _of_array(path: Path, name: str, array: Any, said: str | None) -> EventTable | None:
@@ -96,13 +118,14 @@ def _of_array(path: Path, name: str, array: Any, said: str | None) -> EventTable
             return None
         fields = {letter: array.dtype.names[order.index(letter)] for letter in LETTERS}
         return EventTable(name, {letter: (array, field) for letter, field in fields.items()}, len(array))
-    if array.ndim != 2 or array.shape[1] != 4 or "event" not in name.lower() or array.dtype.kind not in "iuf":
+    if array.ndim != 2 or not 4 <= array.shape[1] <= 8 or "event" not in name.lower() or array.dtype.kind not in "iuf":
         return None
     require_filters(path, array)
     if not len(array):
         return None
     parts = [array[at : at + SAMPLE_ROWS // 8] for at in np.linspace(0, len(array) - 1, 8).astype(int)]
-    order = said_columns(said) if said else found_columns(path, np.concatenate(parts).astype(np.float64))
+    sample = np.concatenate(parts).astype(np.float64)
+    order = said_columns(said).ljust(array.shape[1], "_") if said else found_columns(path, sample)
     return EventTable(name, {letter: (array, order.index(letter)) for letter in LETTERS}, len(array))
 
 
@@ -136,22 +159,41 @@ def _load_plugin(path: Path, codec: str) -> None:
         ) from error
 
 
-def stored_size(file: h5py.File, table: EventTable) -> tuple[int, int] | None:
+def stored_size(path: Path, file: h5py.File, table: EventTable) -> tuple[int, int] | None:
     """The sensor's size where attributes tell it, or `calib/resolution` does.
 
     The attributes are `geometry`, `width` and `height`, or `sensor_resolution`.
+
+    Raises:
+        BadFile: what they tell is no size.
     """
     array = table.columns["t"][0]
     for place in (array, array.parent, array.parent.parent, file):
         attributes: Any = place.attrs
         if isinstance(written := attributes.get("geometry"), str | bytes):
-            return sensor_size(written if isinstance(written, str) else written.decode())
+            found = re.findall(r"\d+", written if isinstance(written, str) else written.decode(errors="replace"))
+            return _size(path, "geometry", written, found[::-1])
         if {"width", "height"} <= set(attributes):
-            return int(attributes["height"]), int(attributes["width"])
-        if np.shape(attributes.get("sensor_resolution")) == (2,):  # of e2vid and its relatives: rows first
-            return int(attributes["sensor_resolution"][0]), int(attributes["sensor_resolution"][1])
+            rows_first = [attributes["height"], attributes["width"]]
+            return _size(path, "width and height", " ".join(map(str, rows_first[::-1])), rows_first)
+        if np.shape(rows_first := attributes.get("sensor_resolution")) == (2,):  # of e2vid and its relatives
+            return _size(path, "sensor_resolution", rows_first, list(rows_first))
     resolution = array.parent.get("calib/resolution")
     if isinstance(resolution, h5py.Dataset) and resolution.shape == (2,):
-        width, height = (int(value) for value in resolution[:])
-        return height, width
+        return _size(path, "calib/resolution", resolution[:], list(resolution[:][::-1]))
     return None
+
+
+def _size(path: Path, name: str, written: Any, rows_first: list[Any]) -> tuple[int, int]:
+    """(height, width) as they are written.
+
+    Raises:
+        BadFile: they are none.
+    """
+    try:
+        height, width = (int(side) for side in rows_first)
+    except (TypeError, ValueError, OverflowError):
+        height, width = 0, 0
+    if not 0 < min(height, width) <= max(height, width) < NOWHERE:
+        raise BadFile(f"{path.name}: its {name} {written!s} is no sensor size", fix="give it with --sensor WxH")
+    return height, width

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.event_file import EventFile
-from evimo.formats.sensors import assumed_sensor
+from evimo.formats.sensors import assumed_sensor, check_sensor
 
 PACKET = 1 << 16  # events handed out at once
 LARGEST = {"x": 2**16 - 1, "y": 2**16 - 1, "t": 2**63 - 1}
@@ -30,6 +30,8 @@ def recording_of(events: Events | NDArray[Any], *, sensor: tuple[int, int] | Non
     Raises:
         BadInput: it is none of these, or a column is of another length, or holds what it cannot; or there are none.
     """
+    if sensor is not None:
+        check_sensor(sensor)
     checked = _sorted(_events(events))
     path = Path("events in memory")
     extent = int(checked.y.max()) + 1, int(checked.x.max()) + 1

@@ -1,6 +1,8 @@
 """The events of a NumPy archive as columns of numbers, however they lie in it."""
 
+import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,8 @@ from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_c
 from evimo.formats.npz_members import Archive, ArrayHeader, Stream, skip
 
 BLOCK_ROWS = 1 << 16
-EVENTS = "events"
+EVENTS, EVIMO2 = "events", "dataset_events_t"
+NUMBERS = "iufbmM"  # of NumPy's kinds: times of days among them
 
 Columns = list[NDArray[Any]]
 """t, x, y, p as stored."""
@@ -33,11 +36,12 @@ class NpzRows:
             named = dict(zip(named_columns(names := sorted(archive.names)) or "", names, strict=False))
             if not named:
                 held = ", ".join(names[:8])
-                raise BadFile(
-                    f"{archive.path.name} holds no array `events`, only {held}", fix="save the rows t x y p as `events`"
-                )
+                fix = "save the rows t x y p as `events`"
+                if any(name.endswith(EVIMO2) for name in names):
+                    fix = "unpack it, and give the folder: it holds a recording of EVIMO2"
+                raise BadFile(f"{archive.path.name} holds no array `events`, only {held}", fix=fix)
             self._headers = {named[letter]: archive.header(named[letter]) for letter in LETTERS}
-        lengths = {name: header.shape[0] if header.shape else 0 for name, header in self._headers.items()}
+        lengths = {name: _length(archive.path, name, header) for name, header in self._headers.items()}
         check_lengths(archive.path, lengths)
         self.count = min(lengths.values())
 
@@ -113,6 +117,22 @@ class NpzRows:
             skip(stream, header.offset + (column * rows + row) * item)
             parts.append((stream, header.dtype))
         yield from _in_step(parts, rows - row)
+
+
+def _length(path: Path, name: str, header: ArrayHeader) -> int:
+    """How many events an array holds: rows of `events`, else as many as it is long, along whichever axis.
+
+    Raises:
+        BadFile: it has several columns, or no numbers.
+    """
+    shape, dtypes = header.shape, [header.dtype[name] for name in header.dtype.names or ()] or [header.dtype]
+    if any(dtype.kind not in NUMBERS for dtype in dtypes):
+        raise BadFile(f"`{name}` in {path.name} is of {header.dtype}", fix="save numbers")
+    if name != EVENTS and len(shape) > 1 and max(shape) < math.prod(shape):
+        raise BadFile(
+            f"`{name}` in {path.name} has shape {shape}, not one number for each event", fix="save it as (N,)"
+        )
+    return (shape[0] if name == EVENTS else math.prod(shape)) if shape else 0
 
 
 def _in_step(parts: list[tuple[Stream, np.dtype[Any]]], rows: int) -> Iterator[Columns]:

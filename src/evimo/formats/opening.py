@@ -4,10 +4,12 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from evimo.errors import EvimoWarning
+from evimo.errors import BadInput, EvimoWarning
+from evimo.formats.columns import said_columns
 from evimo.formats.event_file import EventFile
 from evimo.formats.recognition import SUFFIXES, Kind, recognised
-from evimo.formats.time_units import TimeUnit
+from evimo.formats.sensors import check_sensor
+from evimo.formats.time_units import POWERS, TimeUnit
 
 # What the reader of each kind asks for besides the sensor, as keywords.
 OPTIONS: dict[Kind, set[str]] = {
@@ -40,8 +42,15 @@ def open_events(
     Raises:
         NotFound: there is nothing at `path`.
         BadFile: it is no event recording that can be read; the message says what it is.
+        BadInput: the sensor's size, the unit or the columns are none.
     """
     path = Path(path)
+    if sensor is not None:
+        check_sensor(sensor)
+    if time_unit is not None and time_unit not in POWERS:
+        raise BadInput(f"time_unit={time_unit!r} is no unit of times", fix=f"one of {', '.join(POWERS)}")
+    if columns is not None:
+        said_columns(columns)
     kind = recognised(path)
     options = {"time_unit": time_unit, "columns": columns, "topic": topic}
     recording = _opener(kind)(path, sensor, **_used(path, kind, options))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from evimo.errors import BadFile
+from evimo.formats.clock_rules import NO_TIME
 from evimo.formats.event_file import EventFile
 from evimo.formats.event_record_kernel import decode_dat
 from evimo.formats.prophesee_header import Header, header
@@ -27,7 +28,7 @@ def open_prophesee_dat(path: Path, sensor: tuple[int, int] | None = None) -> Eve
     _check_kind(path, head.length)
     events = WordFile(path, head.length + 2, np.dtype(("<u4", (2,))), partial(decode_dat, bits=BITS[version]))
     size = sensor or head.size()
-    return open_words(events, np.full(1, -1), title=f"Prophesee DAT {version}", size=size, holds="an event")
+    return open_words(events, np.full(1, NO_TIME), title=f"Prophesee DAT {version}", size=size, holds="an event")
 
 
 def _version(path: Path, head: Header) -> int:

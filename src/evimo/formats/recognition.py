@@ -9,6 +9,7 @@ from evimo.errors import BadFile, NotFound
 from evimo.formats.prophesee_header import DAT_MARK, RAW_MARK, header_of, sample, words_encoding
 from evimo.formats.rosbag2 import METADATA, is_folder_of_bag
 from evimo.formats.text_source import encoding_of, packing, unpacked_start
+from evimo.geometry.stand_ins import stand_in
 
 Kind = Literal[
     "evimo_npz",
@@ -53,28 +54,25 @@ STARTS: dict[bytes, Kind] = {
 # Recognised, and said to be so, until their readers exist.
 NOT_YET = {
     b"#!AER-DAT": ("AEDAT 1", "convert it to AEDAT 4 with iniVation's DV software, or to text"),
+    b"MATLAB 5.0 MAT-file": (
+        "a MATLAB file",
+        "write its columns t x y p as text, or as arrays of an .npz or HDF5 file",
+    ),
     b"\x93NUMPY": ("a single NumPy array", "save it as numpy.savez(FILE.npz, events=…) with columns t x y p"),
 }
 NO_RECORDING = {
-    b"\x1f\x8b": ("compressed with gzip", "gunzip it first"),
     b"BZh": ("compressed with bzip2", "bunzip2 it first"),
-    b"\x28\xb5\x2f\xfd": ("compressed with zstd", "unzstd it first"),
     b"\xfd7zXZ": ("compressed with xz", "unxz it first"),
+    b"\x04\x22\x4d\x18": ("compressed with lz4", "unlz4 it first"),
+    b"\x1f\x9d": ("compressed with compress (.Z)", "uncompress it first"),
     b"7z\xbc\xaf": ("a 7-Zip archive", "unpack it first"),
+    b"Rar!": ("a RAR archive", "unpack it first"),
+    b"PK\x05\x06": ("an empty zip archive", "copy or pack it again"),
     b"\x89PNG": ("a picture", "give an event recording"),
     b"\xff\xd8\xff": ("a picture", "give an event recording"),
 }
-# Texts that stand where a recording should be: what their beginning says they are.
-POINTERS = {
-    rb"version https://git-lfs": ("a git-lfs pointer, not the recording itself", "fetch it with `git lfs pull`"),
-    rb"(\.\./)*(\.git)?/?annex/objects/": (
-        "a git-annex pointer, not the recording itself",
-        "fetch it with `git annex get`",
-    ),
-    rb"\s*<(!doctype\s+html|html|head|body)\b": (
-        "a web page (HTML), not the recording itself",
-        "download the file itself: its address led to a page, such as one to log in or to confirm",
-    ),
+# Texts of other kinds: what their beginning says they are.
+TEXTS = {
     rb"\s*<(\?xml|opencv_storage)": (
         "an XML file, no recording",
         "give an event recording; a calibration goes to --calibration",
@@ -82,7 +80,7 @@ POINTERS = {
     rb"\s*%YAML": ("a YAML file, no recording", "give an event recording; a calibration goes to --calibration"),
     rb"\s*[{\[]\s*[\"{\[]": (
         "a JSON file, no recording",
-        "give an event recording; a calibration goes to --calibration",
+        "give an event recording; a calibration goes to --calibration, and events in JSON are to be written as CSV",
     ),
 }
 TAR_AT, TAR = 257, b"ustar"
@@ -100,8 +98,15 @@ def check_there(paths: Iterable[Path]) -> None:
         NotFound: there is nothing.
     """
     for path in paths:
-        if not path.exists():
+        if not _is_there(path):
             raise NotFound(f"there is no file or folder '{path}'", fix="check the path")
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # of a name that is too long, in Python before 3.14
+        return False
 
 
 def recognised(path: Path) -> Kind:
@@ -119,7 +124,7 @@ def recognised(path: Path) -> Kind:
     start = _start(path)
     _refuse_tar(path, start)
     if packing(path):
-        return _packed(path, start)
+        return _packed(path)
     for magic, kind in STARTS.items():
         if start.startswith(magic):
             return kind
@@ -136,7 +141,7 @@ def recognised(path: Path) -> Kind:
     return _text_or_prophesee(path, start)
 
 
-def _packed(path: Path, start: bytes) -> Kind:
+def _packed(path: Path) -> Kind:
     """Text, if that is what was compressed.
 
     Raises:
@@ -146,8 +151,11 @@ def _packed(path: Path, start: bytes) -> Kind:
     if inside and not _binary(inside):
         return _text_or_prophesee(path, inside)
     _refuse_tar(path, inside)
-    what, fix = next(words for magic, words in NO_RECORDING.items() if start.startswith(magic))
-    raise BadFile(f"{path.name} is {what}, and no text", fix=fix)
+    packed = packing(path)
+    if not inside:
+        raise BadFile(f"{path.name} is compressed with {packed}, and holds nothing", fix="copy or pack it again")
+    fix = {"gzip": "gunzip it first", "zstd": "unzstd it first"}[packed]
+    raise BadFile(f"{path.name} is compressed with {packed}, and no text", fix=fix)
 
 
 def _refuse_tar(path: Path, start: bytes) -> None:
@@ -188,9 +196,9 @@ def _text_or_prophesee(path: Path, start: bytes) -> Kind:
     Raises:
         BadFile: it is neither.
     """
-    for beginning, (what, fix) in POINTERS.items():
-        if re.match(beginning, start.lstrip(b"\xef\xbb\xbf"), re.IGNORECASE):
-            raise BadFile(f"{path.name} is {what}", fix=fix)
+    named = (words for form, words in TEXTS.items() if re.match(form, start.lstrip(b"\xef\xbb\xbf"), re.IGNORECASE))
+    if words := stand_in(start) or next(named, None):
+        raise BadFile(f"{path.name} is {words[0]}", fix=words[1])
     head = header_of(start)
     lines, body = start[: head.length], start[head.length :]
     if DAT_MARK.search(lines) and (_binary(body) or not body):

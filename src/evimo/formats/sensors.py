@@ -28,6 +28,21 @@ def sensor_size(written: str) -> tuple[int, int]:
     return height, width
 
 
+def check_sensor(sensor: Any) -> None:
+    """Make sure that a size which a caller gives is one.
+
+    Raises:
+        BadInput: it is not two positive whole numbers.
+    """
+    try:
+        height, width = (int(side) for side in sensor)
+        fits = (height, width) == tuple(sensor) and 0 < min(height, width) <= max(height, width) < NOWHERE
+    except (TypeError, ValueError, OverflowError):
+        fits = False
+    if not fits:
+        raise BadInput(f"sensor={sensor!r} is no size of a sensor", fix="(height, width) in px, as in (260, 346)")
+
+
 def size_in_words(sensor: tuple[int, int]) -> str:
     """Return a size as users write it, as in 346x260."""
     return f"{sensor[1]}x{sensor[0]}"
@@ -37,6 +52,7 @@ def whole_pixels(values: NDArray[Any]) -> NDArray[np.uint16]:
     """Return whole pixels, rounded; what cannot be one becomes 65535, which is outside every sensor."""
     if values.dtype.kind == "u" and values.dtype.itemsize <= 2:
         return values.astype(np.uint16)
+    values = values.astype(np.float32) if values.dtype == np.float16 else values  # which 65535 overflows
     inside = (values > -0.5) & (values < NOWHERE)
     return np.where(inside, np.rint(np.where(inside, values, 0)), NOWHERE).astype(np.uint16)
 

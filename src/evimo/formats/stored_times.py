@@ -14,7 +14,7 @@ from evimo.errors import BadFile
 from evimo.events.events import Events, no_events
 from evimo.formats.clock import Clock, Faults
 from evimo.formats.clock_rules import WINDOW_US
-from evimo.formats.event_file import refuse_disorder
+from evimo.formats.event_file import refuse_disorder, refuse_standstill
 from evimo.formats.time_units import Times, TimeUnit, as_us, check_span, found_unit, step_of
 
 PIECES, PIECE_EVENTS = 128, 512
@@ -49,7 +49,7 @@ class StoredTimes:
         pixels: int,
         repeat: float | None,
         said: TimeUnit | None,
-        offset: int = 0,
+        offset: float = 0,
     ) -> None:
         self._read, self._count, self._offset = read, count, offset
         starts = sorted({int(at) for at in np.linspace(0, max(count - PIECE_EVENTS, 0), PIECES)})
@@ -64,6 +64,7 @@ class StoredTimes:
             self.start_us, self.stop_us = self._ends(path)
         else:
             self.start_us, self.stop_us = self._surveyed(path)
+        refuse_standstill(path, count, self.stop_us - self.start_us)
         if said is None:
             check_span(path, events=count, span_us=self.stop_us - self.start_us, unit=self.unit)
 

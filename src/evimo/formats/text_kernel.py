@@ -9,13 +9,13 @@ import numpy as np
 from evimo.compiling import njit
 from evimo.formats.clock_rules import MOST_US, NO_TIME
 
-NEWLINE, SPACE, TAB, RETURN, COMMA, SEMICOLON, QUOTE = 10, 32, 9, 13, 44, 59, 34
+NEWLINE, SPACE, TAB, RETURN, COMMA, SEMICOLON, QUOTE, APOSTROPHE = 10, 32, 9, 13, 44, 59, 34, 39
 MINUS, PLUS, DOT, ZERO, NINE, LOWER_E, UPPER_E = 45, 43, 46, 48, 57, 101, 69
 HASH, PERCENT = 35, 37
 OUTSIDE = 65535
 POWERS = 10 ** np.arange(19, dtype=np.int64)
 T, X, Y, P, SKIPPED = range(5)  # what a column holds
-TRUE, FALSE = np.frombuffer(b"true", np.uint8), np.frombuffer(b"false", np.uint8)
+TRUE, FALSE, ON, OFF = (np.frombuffer(name, np.uint8) for name in (b"true", b"false", b"on", b"off"))
 LONGEST = 18  # digits of a number that is read in the fast loop
 ONE = np.uintp(1)
 FRACTIONS, ROUNDED, BAD, FIRST_BAD = range(4)  # of the counts
@@ -24,7 +24,7 @@ FRACTIONS, ROUNDED, BAD, FIRST_BAD = range(4)  # of the counts
 @njit(nogil=True, error_model="numpy")
 def is_blank(byte):
     """Whether a byte separates numbers of one line."""
-    return byte in (SPACE, COMMA, TAB, SEMICOLON, RETURN, QUOTE)
+    return byte in (SPACE, COMMA, TAB, SEMICOLON, RETURN, QUOTE, APOSTROPHE)
 
 
 @njit(nogil=True, error_model="numpy")
@@ -87,11 +87,11 @@ def scaled(value, exponent):
 
 @njit(nogil=True, error_model="numpy")
 def word(raw, at):
-    """1 or 0 for True or False in any case, -1 for another word, and the position after it."""
+    """1 or 0 for True or False, ON or OFF, in any case, -1 for another word, and the position after it."""
     start = at
     while raw[at] != NEWLINE and not is_blank(raw[at]):
         at += 1
-    for truth, name in ((1, TRUE), (0, FALSE)):
+    for truth, name in ((1, TRUE), (0, FALSE), (1, ON), (0, OFF)):
         if at - start == len(name):
             same = True
             for k in range(len(name)):

@@ -1,6 +1,7 @@
 """How the lines of a text file are to be read: what its heading says, what its columns hold, the unit of its times."""
 
 import re
+import warnings
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation, Overflow
 from pathlib import Path
@@ -8,8 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile
-from evimo.formats.columns import found_columns, named_columns, named_unit, refuse_split_times, said_columns
+from evimo.errors import BadFile, EvimoWarning
+from evimo.formats.columns import (
+    found_columns,
+    named_columns,
+    named_unit,
+    refuse_normalised,
+    refuse_split_times,
+    said_columns,
+)
 from evimo.formats.sensors import fitting_sensor
 from evimo.formats.survey import no_events_in
 from evimo.formats.text_kernel import parse_lines
@@ -20,8 +28,15 @@ HEADING_LINES = 100
 SAMPLE_LINES = 500  # of each piece: 0.01 s to read
 SHARES = np.linspace(0.1, 0.97, 7)  # of the file, where more pieces are looked at
 SAMPLE_BYTES = 1 << 15
-SPACES = re.compile(r"[\s,;\"]+")
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|true|false|nan|[-+]?inf", re.IGNORECASE)
+SPACES = re.compile(r"[\s,;\"']+")
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|[-+]?inf|true|false|on|off", re.IGNORECASE)
+TRUTH = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
+SIDES = r"(\d{2,5})\s*[,;x×\s]\s*(\d{2,5})"
+SIZES = (
+    rf"[#%].*?(?:geometry|resolution|size|sensor)\W*{SIDES}",
+    r".*?width\W*(\d+)\W*height\W*(\d+)",
+    rf"\W*{SIDES}\W*$",
+)
 COLUMNS = np.array([4, 0, 1, 2, 3])  # roles of _ t x y p, as `text_kernel` has them
 
 
@@ -62,12 +77,16 @@ def roles_of(columns: str) -> NDArray[np.int64]:
 
 @dataclass(slots=True)
 class Heading:
-    """What comes before the first event: how long it is, and what it says of columns, unit and sensor."""
+    """What comes before the first event: how long it is, and what it says of columns, unit and sensor.
+
+    unknown: a line that may name columns, but by no known names.
+    """
 
     length: int = 0
     columns: str | None = None
     unit: TimeUnit | None = None
     sensor: tuple[int, int] | None = None
+    unknown: str = ""
 
 
 def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | None, dotted: bool = False) -> Layout:
@@ -87,6 +106,7 @@ def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | Non
     order = _order(source.path, heading, columns, sample, " ".join(pieces[0][0])[:60])
     written = [[row[order.index("t")] for row in rows] for rows in pieces if rows]
     _refuse_words(source.path, written)
+    refuse_normalised(source.path, *(sample[:, order.index(letter)] for letter in "xy"))
     dotted = dotted or any("." in time for times in written for time in times)
     times = replace(_times(written, sample, order), repeat=_repeat(lines[heading.length :], order, dotted))
     if unit is None and heading.unit is not None and is_plausible(times, heading.unit):
@@ -104,10 +124,15 @@ def _order(path: Path, heading: Heading, said: str | None, sample: NDArray[np.fl
     width = sample.shape[1]
     if said:
         order = said_columns(said)
-    elif heading.columns and len(heading.columns) == width:
-        order = heading.columns
+    elif heading.columns and width in (len(heading.columns), len(heading.columns.strip("_"))):
+        order = heading.columns if len(heading.columns) == width else heading.columns.strip("_")
     else:
-        order = found_columns(path, sample)
+        order = found_columns(path, sample, shown)
+        if len(_named_words(heading.unknown)) == width:
+            text = (
+                f"{path.name}: its heading {heading.unknown[:60]!r} names no columns that are known: taken as {order}"
+            )
+            warnings.warn(f"{text}; --columns says their order", EvimoWarning, stacklevel=6)
     if len(order) != width:
         raise BadFile(
             f"{path.name} has {width} columns in {shown!r}, not the {len(order)} of {order!r}",
@@ -152,23 +177,29 @@ def _rows(raw: bytes) -> list[list[str]]:
 def _heading(raw: bytes) -> Heading:
     heading = Heading(length=3 if raw.startswith(b"\xef\xbb\xbf") else 0)
     for line in raw[heading.length :].split(b"\n")[:HEADING_LINES]:
-        text = line.decode(errors="replace").lstrip()
-        words = [word.strip() for word in re.split(r"[,;\t]" if re.search(r"[,;\t]", text) else r"\s+", text.strip())]
-        numbers = [bool(NUMBER.fullmatch(word.strip('"'))) for word in words if word]
+        text = line.decode(errors="replace").strip()
+        words = _named_words(text)
+        numbers = [bool(NUMBER.fullmatch(word)) for word in words if word]
         if text[:1] not in ("#", "%") and len(numbers) > 2 and all(numbers[:1]) and sum(numbers) > 2:
             break
-        if len(words) == 2 and all(word.isdecimal() for word in words):
-            heading.sensor = int(words[1]), int(words[0])
         _heed(heading, text, words)
         heading.length += len(line) + 1
     return heading
 
 
+def _named_words(text: str) -> list[str]:
+    """The words of a line that may name columns, comment or not."""
+    plain = text.lstrip("#% ")
+    return [word.strip(" \"'") for word in re.split(r"[,;\t]" if re.search(r"[,;\t]", plain) else r"\s+", plain)]
+
+
 def _heed(heading: Heading, text: str, words: list[str]) -> None:
-    """Take over what a line of the heading says: Metavision's geometry, names of columns, faery's `x@1280`."""
-    if match := re.match(r"%\s*geometry[:\s]+(\d+)\s*[,x]\s*(\d+)", text, re.IGNORECASE):
-        heading.sensor = int(match[2]), int(match[1])
-    named = named_columns([word.lstrip("#% ") for word in words]) or named_columns(text.lstrip("#% ").split())
+    """Take over what a line of the heading says: the sensor's size, names of columns, faery's `x@1280`."""
+    if size := next((found for form in SIZES if (found := re.match(form, text, re.IGNORECASE))), None):
+        heading.sensor = int(size[2]), int(size[1])
+    named = named_columns(words) or named_columns(text.lstrip("#% ").split())
+    is_prose = text[:1] in ("#", "%") or any(NUMBER.fullmatch(word) for word in words)
+    heading.unknown = "" if named or is_prose else text
     if named:
         heading.columns = named
         heading.unit = named_unit(words, named) if len(words) == len(named) else None
@@ -185,7 +216,7 @@ def _number(word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        return {"true": 1.0, "false": 0.0}.get(word.lower(), np.nan)
+        return TRUTH.get(word.lower(), np.nan)
 
 
 def _times(written: list[list[str]], sample: NDArray[np.float64], order: str) -> Times:
@@ -223,8 +254,13 @@ def _no_numbers(path: Path, lines: bytes) -> BadFile:
     """The error for a text without numbers: no events yet, or another text."""
     said = [line.strip() for line in lines.decode(errors="replace").lstrip("\ufeff").splitlines() if line.strip()]
     prose = [line for line in said if line[0] not in "%#" and not named_columns(SPACES.split(line))]
-    if not any(re.search(r"[^\W\d]", line) for line in prose):
+    if not prose:
         return no_events_in(path)
+    if not any(re.search(r"[^\W\d]", line) for line in prose):
+        return BadFile(
+            f"{path.name} holds no events: its lines, such as {prose[0][:60]!r}, are no t, x, y and p",
+            fix="one event per line: time, column, row, polarity, between spaces, tabs, commas, semicolons or bars",
+        )
     return BadFile(
         f"{path.name} is a text, such as a README, without a line of numbers `t x y p`: it begins {said[0][:60]!r}",
         fix="one event per line: time, column, row, polarity (0 and 1, or -1 and 1)",

@@ -17,7 +17,8 @@ from evimo.formats.zstandard import zstd
 
 BLOCK_BYTES = 1 << 20
 LONGEST_LINE = 1 << 16
-GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+GZIP = b"\x1f\x8b"
+ZSTD = re.compile(rb"\x28\xb5\x2f\xfd|[\x50-\x5f]\x2a\x4d\x18")  # a frame, or one to be skipped, as pzstd begins with
 BRACKETS = b"[](){}|"
 BETWEEN = re.compile(rb"[;\t ]+")
 COMMA = re.compile(rb"[-+]?\d+,(\d+)")
@@ -145,7 +146,7 @@ def packing(path: Path) -> str:
     """What a file is compressed with: gzip, zstd or nothing."""
     with path.open("rb") as file:
         start = file.read(4)
-    return "gzip" if start.startswith(GZIP) else "zstd" if start == ZSTD else ""
+    return "gzip" if start.startswith(GZIP) else "zstd" if ZSTD.match(start) else ""
 
 
 def unpacked_start(path: Path, size: int = 4096) -> bytes:

@@ -31,7 +31,7 @@ MOST_SECONDS = 7 * 86400.0
 NO_LATER_S = 4.1e9  # the year 2100: no clock shows more
 # Between two events of one pixel: the median is 4 to 120 ms in recordings of seven sensors, dark and bright.
 USUAL_REPEAT_S, REPEAT_SPREAD = 0.015, 0.7  # the second in powers of ten
-REPEATS, REPEAT_EVENTS = 100, 20_000
+REPEATS, REPEAT_EVENTS, JUMPS = 100, 20_000, 20
 ENOUGH = 50  # events that say something of a rate
 CONVENTION = 1.5  # what the usual unit is worth, in squared powers of ten of the rate
 FAR_LONGER = 100  # times as long as usual
@@ -56,7 +56,7 @@ class Times:
     @property
     def first(self) -> float:
         """The time of an early event that is no outlier."""
-        return float(np.nanmedian(self.pieces[0]))
+        return float(np.nanmedian(next(piece for piece in self.pieces if np.isfinite(piece).any())))
 
     @property
     def count(self) -> int:
@@ -97,7 +97,7 @@ def step_of(times: NDArray[Any]) -> int | None:
     if not len(times) or times.dtype == np.float32:
         return None
     if times.dtype.kind in "iu":
-        return next((power for power in (6, 3) if not np.any(times % 10**power)), 0)
+        return next((power for power in (6, 3) if not np.any(times.astype(np.int64) % 10**power)), 0)
     exact = np.asarray(times, np.float64)
     exact = exact[np.isfinite(exact)]
     if not len(exact):
@@ -115,11 +115,20 @@ def step_of(times: NDArray[Any]) -> int | None:
 def repeat_of(x: NDArray[Any], y: NDArray[Any], t: NDArray[Any]) -> float | None:
     """The median time between two events of one pixel among the first ones; None where too few pixels see two."""
     x, y, t = (np.asarray(column[:REPEAT_EVENTS], np.float64) for column in (x, y, t))
+    t = _without_jumps(t)
     order = np.lexsort((t, x, y))
     same = (np.diff(x[order]) == 0) & (np.diff(y[order]) == 0)
     between = np.diff(t[order])[same]
     between = between[between > 0]
     return float(np.median(between)) if len(between) >= REPEATS else None
+
+
+def _without_jumps(t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times of which steps longer than nearly all others together are taken out: pauses, wraps, what is no time."""
+    t = np.where(np.isfinite(t), t, np.nan)
+    steps = np.nan_to_num(np.diff(t, prepend=t[:1]), nan=0.0)
+    longest = np.sort(np.abs(steps))[: max(len(steps) - JUMPS, 0)].sum()
+    return t - np.cumsum(np.where(np.abs(steps) > longest, steps, 0.0))
 
 
 def found_unit(path: Path, times: Times, *, said: TimeUnit | None, usual: TimeUnit) -> TimeUnit:
@@ -128,7 +137,12 @@ def found_unit(path: Path, times: Times, *, said: TimeUnit | None, usual: TimeUn
     Raises:
         BadFile: in no unit are they those of a camera.
     """
+    if not any(np.isfinite(piece).any() for piece in times.pieces):
+        raise BadFile(f"{path.name}: none of its times is a number", fix="export the recording again")
     if said is not None:
+        if not is_plausible(times, said):
+            text = f"{path.name}: {_in_words(times, said)}: no camera does that"
+            warnings.warn(f"{text}; --time-unit {said} may not be their unit", EvimoWarning, stacklevel=4)
         return said
     if times.in_no_order(WINDOW_US / 10.0 ** POWERS[usual]):
         raise BadFile(
@@ -144,7 +158,8 @@ def found_unit(path: Path, times: Times, *, said: TimeUnit | None, usual: TimeUn
     in_doubt = times.count >= ENOUGH and not math.isinf(times.rate)
     if unit != usual or (in_doubt and others and costs[others[0]] < costs[unit] + DOUBT):
         other = usual if unit != usual else others[0]
-        text = f"{path.name}: times are taken as {NAMES[unit]} ({_in_words(times, unit)}; {_in_words(times, other)})"
+        why = f"{_in_words(times, unit)}; {_in_words(times, other)}" if in_doubt else "by their dates and digits"
+        text = f"{path.name}: times are taken as {NAMES[unit]} ({why})"
         warnings.warn(f"{text}; --time-unit sets their unit", EvimoWarning, stacklevel=4)
     return unit
 

@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from evimo.errors import BadFile, BadInput, NotFound
+from evimo.geometry.calibration_numbers import is_number, sizes
 from evimo.geometry.calibration_trees import FORMATS, beside, file_text, tree_of
-from evimo.geometry.calibration_values import Described, Size, described_cameras, is_number, sizes
+from evimo.geometry.calibration_values import Described, Size, described_cameras
 from evimo.geometry.camera import Camera
 
 RECTIFIED = re.compile(r"camRect(\d+)")  # in DSEC's files: what remains of cam0 after rectification is camRect0
@@ -41,8 +42,9 @@ def load_camera(
     """
     path = Path(path)
     text = file_text(path)
-    numbers = re.split(r"[\s,;]+", text.strip(" \t\r\n,;"))
-    if all(is_number(number) for number in numbers):
+    plain = re.sub(r"^\s*[#%].*$", "", text, flags=re.MULTILINE)
+    numbers = [word for word in re.split(r"[\s,;\[\]()]+", plain) if word]
+    if numbers and all(is_number(number) for number in numbers):
         found = [_of_numbers(path, [float(number) for number in numbers])]
     else:
         found = described_cameras(path, tree_of(path, text))
@@ -76,7 +78,7 @@ def _words(topic: str) -> list[str]:
 
 def _named(path: Path, found: Sequence[Described], name: str) -> Described:
     for each in found:
-        if name.lower() in (known.lower() for known in each.names):
+        if name.lower().strip("/") in (known.lower().strip("/") for known in (*each.names, each.topic)):
             return each
     raise NotFound(f"{path}: no camera {name!r} in it", fix=f"one of: {_listed(found)}")
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import yaml
 
 from evimo.errors import BadFile, NotFound
+from evimo.geometry.stand_ins import stand_in
 
 LARGEST_FILE = 100_000  # bytes; calibrations are a few kilobytes
 FORMATS = (
@@ -44,6 +45,8 @@ def file_text(path: Path) -> str:
         raw = path.read_bytes()
     except OSError as error:
         raise BadFile(f"{path} cannot be read: {error.strerror}", fix="check its permissions") from error
+    if words := stand_in(raw):
+        raise BadFile(f"{path} is {words[0]}", fix=words[1])
     encoding = "utf-16" if raw.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
     try:
         return raw.decode(encoding)

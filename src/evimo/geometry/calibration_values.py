@@ -1,27 +1,34 @@
 """What the branches of a calibration file say of a camera, under the names that programs give to the same numbers."""
 
-import math
 import re
-import reprlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 from evimo.errors import BadFile, BadInput
-from evimo.geometry.calibration_trees import FORMATS, Tree
+from evimo.geometry.calibration_numbers import numbers, pinhole, shown, sizes
+from evimo.geometry.calibration_trees import Tree
 from evimo.geometry.camera import COEFFICIENTS, Camera, Lens
 
 Size = tuple[int, int]
 DEEPEST = 4  # DSEC has its cameras one level down, dv-processing two
-MATRICES = ("camera_matrix", "intrinsics", "K", "k", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic")
+MATRICES = (
+    *("camera_matrix", "intrinsics", "K", "k", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic"),
+    *("intrinsic_matrix", "mtx", "projection_parameters"),
+)
 DISTORTIONS = (
     *("distortion_coefficients", "distortion_coeffs", "distortionCoefficients", "Distortion_Coefficients", "D", "d"),
-    *("distortion", "dist_coeffs", "distCoeffs", "dist", "Distortion"),
+    *("distortion", "dist_coeffs", "distCoeffs", "dist", "Distortion", "distortion_parameters"),
 )
 MODELS = ("distortion_model", "distortionModel", "lens_model")
-SIZES = ("resolution", "image_size", "img_size", "size", "ImageSize")  # columns, rows
-COLUMNS, ROWS = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")
+SIZES = ("resolution", "image_size", "img_size", "size", "ImageSize", "imageSize")  # columns, rows
+COLUMNS = ("image_width", "image_Width", "imageWidth", "width")
+ROWS = ("image_height", "image_Height", "imageHeight", "height")
+WIDEST, NARROWEST = (
+    20,
+    1000,
+)  # focal lengths of a sensor's longer side, to be divided and multiplied by: no lens is such
 FISHEYE_FLAGS = ("use_fisheye_model", "fisheye_model", "fisheye")
 PINHOLES = ("pinhole", "Pinhole", "PINHOLE", "perspective")
 STEREO = ("M", "K")  # M1 D1 M2 D2 of OpenCV's stereo sample: neither size nor names
@@ -38,6 +45,7 @@ LENSES: dict[str, Lens | None] = {
     "kannalabrandt4": "fisheye",
     "kb4": "fisheye",
     "none": None,
+    "pinhole": None,
     "": None,
 }
 
@@ -75,23 +83,34 @@ class Described:
         """
         where = f"{self.path}, {self.names[0]}"
         distortion = numbers(where, self.distortion)
-        lens = ("radtan" if distortion else "none") if self.lens is None else self.lens
+        lens = ("radtan" if distortion else "none") if self.lens in (None, "") else self.lens
         try:
-            lens_kind(lens)
+            kind = lens_kind(lens)
         except BadInput as error:
             raise BadFile(f"{where}: {error.problem}", fix=error.fix) from error
+        if kind == "fisheye" and not distortion:
+            raise BadFile(f"{where}: a {lens} lens without its coefficients", fix="complete the file: k1 k2 k3 k4")
         matrix = pinhole(where, numbers(where, self.matrix))
-        if self.size is None and size is None:
+        sensor = self.size or size
+        if sensor is None:
             raise BadInput(f"{where}: it does not say the size of its sensor", fix="the sensor's size, --sensor WxH")
-        if self.size is None and size and not (0 < matrix[2] < size[1] and 0 < matrix[3] < size[0]):
-            raise BadInput(
-                f"{where}: the image's centre {matrix[2]:g}, {matrix[3]:g} is not on a sensor of {size[1]}x{size[0]}",
-                fix="the calibration of this sensor",
-            )
         try:
-            return camera_of(matrix, self.size or cast("Size", size), lens=lens, distortion=distortion)
+            camera = camera_of(matrix, sensor, lens=lens, distortion=distortion)
         except BadInput as error:
             raise BadFile(f"{where}: {error.problem}", fix=error.fix) from error
+        if impossible := _impossible(camera):
+            raise BadInput(f"{where}: {impossible}", fix="the calibration of this sensor, in px")
+        return camera
+
+
+def _impossible(camera: Camera) -> str:
+    """What of a camera's numbers belongs to another sensor, or to another unit than px; nothing where all fit."""
+    title, longest = f"a sensor of {camera.width}x{camera.height}", max(camera.size)
+    if not (0 < camera.cx < camera.width and 0 < camera.cy < camera.height):
+        return f"the image's centre {camera.cx:g}, {camera.cy:g} is not on {title}"
+    if min(camera.fx, camera.fy) * WIDEST < longest or max(camera.fx, camera.fy) > NARROWEST * longest:
+        return f"focal lengths of {camera.fx:g} and {camera.fy:g} px are impossible on {title}"
+    return ""
 
 
 def camera_of(matrix: Sequence[float], size: Size, *, lens: Any, distortion: Sequence[float]) -> Camera:
@@ -101,6 +120,8 @@ def camera_of(matrix: Sequence[float], size: Size, *, lens: Any, distortion: Seq
         BadInput: an unknown lens, or impossible values.
     """
     kind = lens_kind(lens)
+    if kind is None and any(distortion):
+        raise BadInput(f"no lens ({lens}), but {len(distortion)} coefficients", fix="name it: radtan or equidistant")
     most = max(COEFFICIENTS[kind or "radtan"])
     if any(distortion[most:]):
         raise BadInput(
@@ -163,7 +184,7 @@ def _is_matrix(value: Any) -> bool:
     DSEC's `intrinsics` is a mapping of cameras.
     """
     if isinstance(value, dict):
-        return "data" in value or "fx" in value
+        return bool({"data", "fx", "gamma1", "mu"} & cast("Tree", value).keys())
     return isinstance(value, list | str)
 
 
@@ -172,12 +193,12 @@ def _first(branch: Tree, names: Sequence[str]) -> Any:
 
 
 def _described(path: Path, key: str, branch: Tree, root: Tree, matrix: Any) -> Described:
-    model = branch.get("camera_model", "pinhole")
+    model = _first(branch, ("camera_model", "model_type")) or "pinhole"
     flags = [_first(each, FISHEYE_FLAGS) for each in (branch, root)]
-    is_fisheye = any(flag in (1, True, "1", "true") for flag in flags)
-    distortion = _first(branch, DISTORTIONS)
+    is_fisheye = any(str(flag).lower() in ("1", "true", "yes") for flag in flags)
     lens = "fisheye" if is_fisheye else _first(branch, MODELS)
     lens = lens if model in PINHOLES else model  # a fisheye by its name; another projection is said to be unknown
+    distortion = _coefficients(f"{path}, {key}", branch, lens)
     if lens is None and "n_kept_views" in branch and len(numbers(f"{path}, {key}", distortion)) == 4:
         lens = "fisheye"  # Metavision does not name the lens; it gives five numbers for all others
     names = [str(branch[name]) for name in ("name", "camera_name", "position") if isinstance(branch.get(name), str)]
@@ -191,6 +212,35 @@ def _described(path: Path, key: str, branch: Tree, root: Tree, matrix: Any) -> D
         lens=lens,
         topic=topic if isinstance(topic, str) else "",
     )
+
+
+def _coefficients(where: str, branch: Tree, lens: Any) -> Any:
+    """The lens's coefficients: a list, or by name beside the matrix or in a branch; None where there are none.
+
+    Raises:
+        BadFile: some are there under no known name, or k1 to k4 of a lens that is not named.
+    """
+    value = _first(branch, DISTORTIONS)
+    if value is None and (other := [name for name in branch if _may_be_distortion(name, branch[name])]):
+        raise BadFile(f"{where}: its {other[0]!r} is not understood", fix="call it distortion_coefficients")
+    if value is not None and (not isinstance(value, dict) or "data" in value):
+        return value
+    named = branch if value is None else cast("Tree", value)
+    if not {"k1", "k2"} <= named.keys():
+        return value
+    radial = [f"k{number}" for number in range(1, 7) if f"k{number}" in named]
+    if {"p1", "p2"} <= named.keys() or len(radial) != 4:
+        order = ["k1", "k2", "p1", "p2", *radial[2:]]
+    elif lens is None:
+        raise BadFile(f"{where}: k1 k2 k3 k4 without the name of their lens", fix="say distortion_model: equidistant")
+    else:
+        order = radial
+    return [named.get(name, 0) for name in order]
+
+
+def _may_be_distortion(name: Any, value: Any) -> bool:
+    known = (*DISTORTIONS, *MODELS)
+    return isinstance(value, list | dict) and str(name).lower().startswith("dist") and name not in known
 
 
 def _size(path: Path, branch: Tree) -> Size | None:
@@ -228,54 +278,3 @@ def _stereo(path: Path, branch: Tree) -> list[Described]:
             size, distortion = _size(path, branch), branch.get(f"D{number}", ())
             found.append(Described(path, (f"cam{int(number) - 1}",), matrix, size=size, distortion=distortion))
     return found
-
-
-# Values from strangers
-
-
-def shown(value: Any) -> str:
-    """The start of a value as text. Not repr: a short YAML file can nest aliases into a value whose text is endless."""
-    brief = reprlib.Repr()
-    brief.maxlevel = 2
-    return brief.repr(value)
-
-
-def is_number(value: Any) -> bool:
-    """Whether it is a finite number, or the text of one."""
-    try:
-        return isinstance(value, str | int | float) and math.isfinite(float(value))
-    except (ValueError, OverflowError):
-        return False
-
-
-def numbers(where: str, value: Any) -> list[float]:
-    """A flat list of finite numbers: of a list, a list of rows, OpenCV's mapping with data, or fx fy cx cy by name."""
-    if isinstance(value, dict):
-        tree = cast("Tree", value)
-        value = tree.get("data") if "data" in tree else [tree.get(name) for name in ("fx", "fy", "cx", "cy")]
-    listed = list(cast("Sequence[Any]", value)) if isinstance(value, list | tuple) else [value]
-    if listed and all(isinstance(row, list) for row in listed) and len(listed) < 64:
-        listed = [each for row in listed for each in row[:64]]
-    if not all(map(is_number, listed)):
-        raise BadFile(f"{where}: not a list of finite numbers: {shown(value)}", fix=f"give {FORMATS}")
-    return [float(each) for each in listed]
-
-
-def sizes(path: Path, values: Any) -> tuple[int, int]:
-    """Two positive whole numbers, in the file's order."""
-    listed = cast("list[Any]", values) if isinstance(values, list) else []
-    whole = [
-        int(float(value)) for value in listed if is_number(value) and 1 <= float(value) == int(float(value)) < 100_000
-    ]
-    if len(whole) != 2 or len(listed) != 2:
-        raise BadFile(f"{path}: no sensor size, or not a possible one: {shown(values)}", fix="complete the file")
-    return whole[0], whole[1]
-
-
-def pinhole(where: str, matrix: Sequence[float]) -> Sequence[float]:
-    """(fx, fy, cx, cy), of themselves or of a 3x3 matrix given row by row."""
-    if len(matrix) == 4:
-        return matrix
-    if len(matrix) != 9 or tuple(matrix[6:]) != (0, 0, 1) or matrix[1] or matrix[3]:
-        raise BadFile(f"{where}: not a camera matrix: {shown(matrix)}", fix="fx 0 cx 0 fy cy 0 0 1, row by row")
-    return [matrix[0], matrix[4], matrix[2], matrix[5]]
