@@ -25,10 +25,8 @@ MODELS = ("distortion_model", "distortionModel", "lens_model")
 SIZES = ("resolution", "image_size", "img_size", "size", "ImageSize", "imageSize")  # columns, rows
 COLUMNS = ("image_width", "image_Width", "imageWidth", "width")
 ROWS = ("image_height", "image_Height", "imageHeight", "height")
-WIDEST, NARROWEST = (
-    20,
-    1000,
-)  # focal lengths of a sensor's longer side, to be divided and multiplied by: no lens is such
+# Focal lengths of a sensor's longer side, to be divided and multiplied by: no lens is such.
+WIDEST, NARROWEST = 20, 1000
 FISHEYE_FLAGS = ("use_fisheye_model", "fisheye_model", "fisheye")
 PINHOLES = ("pinhole", "Pinhole", "PINHOLE", "perspective")
 STEREO = ("M", "K")  # M1 D1 M2 D2 of OpenCV's stereo sample: neither size nor names
