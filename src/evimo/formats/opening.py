@@ -4,10 +4,11 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from evimo.errors import EvimoWarning
+from evimo.arguments import path_of, size_of, word_of
+from evimo.errors import BadInput, EvimoWarning
 from evimo.formats.event_file import EventFile
 from evimo.formats.recognition import SUFFIXES, Kind, recognised
-from evimo.formats.time_units import TimeUnit
+from evimo.formats.time_units import POWERS, TimeUnit
 
 # What the reader of each kind asks for besides the sensor, as keywords.
 OPTIONS: dict[Kind, set[str]] = {
@@ -40,8 +41,13 @@ def open_events(
     Raises:
         NotFound: there is nothing at `path`.
         BadFile: it is no event recording that can be read; the message says what it is.
+        BadInput: an option is not what it may be.
     """
-    path = Path(path)
+    path = path_of(path, "a recording")
+    sensor = None if sensor is None else size_of(sensor, "sensor")
+    if time_unit not in (None, *POWERS):
+        raise BadInput(f"times in {time_unit!r}", fix=f"time_unit is one of {', '.join(POWERS)}")
+    _check_words(columns, topic)
     kind = recognised(path)
     options = {"time_unit": time_unit, "columns": columns, "topic": topic}
     recording = _opener(kind)(path, sensor, **_used(path, kind, options))
@@ -50,6 +56,13 @@ def open_events(
         text = f"{path.name} holds {_title(kind)} by its content: its suffix {suffix or '(none)'!r} is ignored"
         warnings.warn(text, EvimoWarning, stacklevel=2)
     return recording
+
+
+def _check_words(columns: object, topic: object) -> None:
+    if columns is not None:
+        word_of(columns, "columns", fix="their letters in order, as in 'txyp'")
+    if topic is not None:
+        word_of(topic, "topic", fix="its name, as `evimo info` lists it")
 
 
 def _opener(kind: Kind) -> Callable[..., EventFile]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+from evimo.arguments import number_of, path_of, paths_of
 from evimo.errors import BadFile, BadInput
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.kinds import groups_of
@@ -54,12 +55,13 @@ def evaluate(
         `rows` by name, "model" first, each a mapping from a column to a score with `value`; `groups` by kind of scene.
 
     Raises:
-        NotFound, BadFile: recordings, or the model. BadInput: `imu` is neither.
+        NotFound, BadFile: recordings, or the model. BadInput: `imu` is neither; another argument is not what it may be.
     """
     if imu not in ("auto", "off"):
         raise BadInput(f"no way {imu!r} to use an IMU", fix="auto or off")
-    paths = [recordings] if isinstance(recordings, str | Path) else recordings
-    opened = [open_recording(path) for path in recordings_in((Path(path) for path in paths), split=split)]
+    number_of(density_threshold, "density_threshold", fix="a number, as in 1.5")
+    out = None if out is None else path_of(out, "out")
+    opened = [open_recording(path) for path in recordings_in(paths_of(recordings, "a recording"), split=split)]
     settings: dict[str, str | float] = {
         "model": str(model),
         **{f"model {key}": value for key, value in model_of(model).identity.items()},
@@ -67,7 +69,7 @@ def evaluate(
         "imu": imu,
         "evimo": own_version(),
     }
-    kept = [_kept_at(Path(out), recording) if out else None for recording in opened]
+    kept = [_kept_at(out, recording) if out else None for recording in opened]
     told = [settings | {"recording": recording.mark} for recording in opened]
     reports = [_scored_before(path, each) for path, each in zip(kept, told, strict=True)]
     total = Report()

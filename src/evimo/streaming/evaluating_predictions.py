@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from evimo.arguments import path_of, paths_of
 from evimo.errors import BadInput, EvimoWarning
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.kinds import groups_of
@@ -53,8 +54,8 @@ def evaluate_predictions(
     """
     if not 0 <= within_ms <= 12.5:
         raise BadInput(f"masks within {within_ms:g} ms of a slice's centre", fix="0 to 12.5, half of a slice")
-    recordings = recordings_in(map(Path, [truth] if isinstance(truth, str | Path) else truth))
-    paths, within_us = predictions_of(Path(predictions), recordings), round(within_ms * 1e3)
+    recordings = recordings_in(paths_of(truth, "a recording"))
+    paths, within_us = predictions_of(path_of(predictions, "predictions"), recordings), round(within_ms * 1e3)
     opened = [open_recording(path) for path in recordings]
     total, facts = Report(), list[dict[str, str]]()
     with progress(sum(map(len, opened))) as tick:
