@@ -81,6 +81,7 @@ def test_what_cannot_be_read_is_said_with_a_way_out(tmp_path, content, words):
         ('{"error": "not found"}', "a JSON file"),
         ("# My data set\n\nDownload 1 2 3 4 files, then run it.\n", "a text, such as a README"),
         ("Not Found", "a text, such as a README"),
+        ("# My data set\n\nDownload it.", "a text, such as a README"),
     ],
 )
 def test_what_stands_in_place_of_a_recording_is_called_that(tmp_path, suffix, content, words):
