@@ -1,6 +1,8 @@
 """Formats are recognised by content; what is no recording is refused in one clear sentence."""
 
+import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -89,6 +91,14 @@ def test_what_stands_in_place_of_a_recording_is_called_that(tmp_path, suffix, co
     path.write_text(content, encoding="utf-8")
     with pytest.raises(BadFile, match=rf"recording\S* is {words}"):
         open_events(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are named pipes")
+def test_a_pipe_is_refused_rather_than_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "recording.raw")
+    for path in tmp_path / "recording.raw", Path(os.devnull):
+        with pytest.raises(BadFile, match="is a pipe or a device"):
+            open_events(path)
 
 
 def test_an_option_that_means_nothing_for_a_file_is_said(tmp_path):
