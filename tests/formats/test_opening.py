@@ -101,6 +101,15 @@ def test_a_pipe_is_refused_rather_than_waited_for(tmp_path):
             open_events(path)
 
 
+@pytest.mark.parametrize("heading", ["99999 99999", "%geometry:90000,90000", "%geometry:0,0", "t,x@70000,y@70000,p"])
+def test_a_size_of_no_sensor_is_not_believed(tmp_path, heading):
+    path = tmp_path / "a.txt"
+    path.write_text(f"{heading}\n0,1,2,1\n10,3,4,0\n")
+    with pytest.raises(BadFile, match=r"the sensor that a\.txt tells of"):
+        open_events(path)
+    assert open_events(path, sensor=(48, 64)).sensor == (48, 64)
+
+
 def test_an_option_that_means_nothing_for_a_file_is_said(tmp_path):
     (tmp_path / "a.txt").write_text("0 1 2 1\n10 3 4 0\n")
     with pytest.warns(EvimoWarning, match="--topic means nothing for it and is ignored"):

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from evimo.arguments import path_of, size_of, word_of
-from evimo.errors import BadInput, EvimoWarning
+from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.formats.event_file import EventFile
 from evimo.formats.recognition import SUFFIXES, Kind, recognised
 from evimo.formats.time_units import POWERS, TimeUnit
@@ -51,6 +51,7 @@ def open_events(
     kind = recognised(path)
     options = {"time_unit": time_unit, "columns": columns, "topic": topic}
     recording = _opener(kind)(path, sensor, **_used(path, kind, options))
+    _check_sensor(recording)
     suffix = path.suffix.lower()
     if path.is_file() and suffix not in SUFFIXES[kind]:
         text = f"{path.name} holds {_title(kind)} by its content: its suffix {suffix or '(none)'!r} is ignored"
@@ -63,6 +64,13 @@ def _check_words(columns: object, topic: object) -> None:
         word_of(columns, "columns", fix="their letters in order, as in 'txyp'")
     if topic is not None:
         word_of(topic, "topic", fix="its name, as `evimo info` lists it")
+
+
+def _check_sensor(recording: EventFile) -> None:
+    try:
+        size_of(recording.sensor, f"the sensor that {recording.path.name} tells of")
+    except BadInput as error:
+        raise BadFile(error.problem, fix="give its size with --sensor WxH") from error
 
 
 def _opener(kind: Kind) -> Callable[..., EventFile]:
