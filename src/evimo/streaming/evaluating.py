@@ -1,6 +1,7 @@
 """A model scored on recordings that know the truth, beside the trivial answers."""
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -90,7 +91,7 @@ def evaluate(
 
 def _kept_at(out: Path, recording: Recording) -> Path:
     """Where the recording's own report is kept; the mark tells apart folders of the same name in different places."""
-    mark = hashlib.sha256(str(recording.path.resolve()).encode()).hexdigest()[:8]
+    mark = hashlib.sha256(os.fsencode(recording.path.resolve())).hexdigest()[:8]
     return out / "recordings" / f"{recording.path.name}-{mark}.json"
 
 

@@ -23,6 +23,7 @@ from evimo.recordings.finding import recordings_in
 from evimo.recordings.prediction import Prediction
 from evimo.recordings.recording import SAME_US, Recording, open_recording
 from evimo.streaming.evaluating import Tick, unseen
+from evimo.writing import in_utf8
 
 WITHIN_MS = SAME_US / 1000
 UNUSED = "predictions at no slice's centre, not scored"
@@ -73,7 +74,8 @@ def _scored(
 ) -> tuple[Report, dict[str, str]]:
     """The report of one recording, and what its predictions tell of themselves."""
     predictions = open_predictions(path, recording)
-    if (of := predictions.facts.get("recording", recording.path.name)) != recording.path.name:
+    of = predictions.facts.get("recording", recording.path.name)
+    if in_utf8(of) != in_utf8(recording.path.name):
         text = f"{path} says that it is of {of!r}; it is scored against {recording.path}"
         warnings.warn(text, EvimoWarning, stacklevel=3)
     matched = _Matched(recording, predictions, within_us=within_us)
