@@ -283,7 +283,9 @@ def without_home(command: str, inputs: Inputs, place: Path) -> Row:
 
 def main(commands: list[str]) -> int:
     """Print the table."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's commands would ignore it
+    # Commands of a background job would ignore the one, those below `nohup` the other: what is caught, they take anew.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, lambda *_: None)
     print("| command | machine | exit code | said | left | traceback |\n|---|---|---|---|---|---|")
     wrong = 0
     with tempfile.TemporaryDirectory() as made:

@@ -16,6 +16,7 @@ SRC = Path(__file__).parents[1] / "src" / "evimo"
 # A room imports only from rows above its own in this list, never from its own row (docs/decisions/0001).
 ROWS = [
     "errors locks",
+    "arguments",
     "compiling geometry samples writing",
     "events jobs",
     "formats",

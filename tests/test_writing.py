@@ -1,6 +1,7 @@
 """Files and folders that are whole or not there, whatever happens to the disk or to the process."""
 
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -158,6 +159,13 @@ def writing(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills as Unix does")
+def test_names_that_are_no_utf8_are_written_as_escapes(tmp_path):
+    name = "K\udcfcche.raw"  # as Python has the Latin-1 of a name
+    save_text(json.dumps({"of": name}, ensure_ascii=False), tmp_path / "a.json")
+    assert (tmp_path / "a.json").read_bytes() == b'{"of": "K\\udcfcche.raw"}'
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == {"of": name}
+
+
 def test_what_a_killed_process_left_is_removed_by_the_next_one(writing, tmp_path):
     writing.send_signal(signal.SIGKILL)
     writing.wait()

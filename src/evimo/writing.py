@@ -156,6 +156,11 @@ def new_folder(path: str | Path, *, fix: str = FIX) -> Generator[Path]:
         outputs.keep(path.name)
 
 
+def in_utf8(text: str) -> str:
+    """Return a text that can be written: what UTF-8 cannot hold of a file's name is escaped, as JSON would have it."""
+    return text.encode(errors="backslashreplace").decode()
+
+
 def save_text(text: str, path: str | Path) -> None:
     """Save a text as UTF-8, in one piece or not at all; folders are made.
 
@@ -163,7 +168,7 @@ def save_text(text: str, path: str | Path) -> None:
         BadInput: it cannot be written, or the disk is full.
     """
     with new_file(path) as file:
-        file.write_text(text, encoding="utf-8", newline="")
+        file.write_text(in_utf8(text), encoding="utf-8", newline="")
 
 
 def save_files(folder: str | Path, contents: Mapping[str, str | bytes]) -> None:
@@ -174,7 +179,7 @@ def save_files(folder: str | Path, contents: Mapping[str, str | bytes]) -> None:
     """
     with OutputFolder(folder) as outputs:
         for name, content in contents.items():
-            outputs.path(name).write_bytes(content.encode() if isinstance(content, str) else content)
+            outputs.path(name).write_bytes(in_utf8(content).encode() if isinstance(content, str) else content)
         outputs.keep()
 
 

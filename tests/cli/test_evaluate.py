@@ -1,7 +1,9 @@
 """`evimo evaluate` on recordings made by hand, with a model that knows the truth."""
 
 import json
+import os
 import shutil
+import sys
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
@@ -167,6 +169,16 @@ def test_recordings_scored_before_are_not_scored_again(runs, recordings, tmp_pat
     main([*command, "--model", "other.onnx", "--density-threshold", "1.5"])
     assert len(runs) == 7
     assert json.loads((tmp_path / "out" / "report.json").read_text())["settings"]["density threshold"] == 1.5
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="others have no names that are not UTF-8")
+def test_a_name_that_is_no_utf8_is_scored_and_kept_as_any(runs, recordings, tmp_path, capsys):
+    place = tmp_path / os.fsdecode(b"K\xfcche")
+    (recordings / "a").rename(place)
+    for _ in range(2):
+        assert main(["evaluate", str(place), "--out", str(tmp_path / "out")]) == 0
+        assert len(runs) == 1
+        assert load_report(tmp_path / "out" / "report.json").counts["slices"] == SLICES
 
 
 def test_another_recording_at_the_place_of_one_scored_before_is_scored(runs, recordings, tmp_path):

@@ -79,6 +79,9 @@ def changed(column, value):
         (changed(0, np.nan), "column t holds nan"),
         (changed(0, -1), "column t holds -1.0"),
         (changed(0, 1e19), r"column t holds 1e\+19"),
+        (changed(0, 2.0**62), r"column t holds 4\.6\d+e\+18"),
+        ((ROWS + [2**25, 0, 0, 0]).astype(np.float32), "column t is float32, .* beyond 16,777,216\n.*int64 or float64"),
+        (changed(0, 2049).astype(np.float16), "column t is float16, .* beyond 2,048"),
         (changed(1, 65_536), "column x holds 65536.0"),
         (changed(2, np.inf), "column y holds inf"),
         (changed(3, 2), "column p holds 2.0"),
@@ -99,13 +102,26 @@ def test_what_is_not_events_is_one_clear_error(given, said):
         recording_of(given, sensor=(48, 64))
 
 
+@pytest.mark.parametrize(("sensor", "turned"), [((47, 64), False), ((48, 63), False), ((64, 48), True)])
+def test_events_beyond_the_sensor_are_refused(sensor, turned):
+    with pytest.raises(BadInput, match="column 63 and row 47, beyond a sensor of") as raised:
+        recording_of(ROWS, sensor=sensor)
+    assert raised.value.fix.endswith("sizes are (height, width)") == turned
+
+
+@pytest.mark.parametrize(
+    ("factor", "offset", "is_said"), [(1, 0, False), (1, 10**12, False), (10**6, 0, True), (1, 10**18, True)]
+)
+def test_times_of_no_camera_are_said(recwarn, factor, offset, is_said):
+    """Two events per second and pixel; one in six days; ns since 1970 as µs, in the year 33,000."""
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.integers(0, 100_000, 600)) * factor + offset
+    rows = np.stack((t, rng.integers(0, 64, 600), rng.integers(0, 48, 600), rng.integers(0, 2, 600)), 1)
+    recording_of(rows, sensor=(48, 64))
+    assert any("are their times in µs?" in str(each.message) for each in recwarn) == is_said
+
+
 def test_nothing_is_copied_that_need_not_be():
     events = as_events()
     (packet,) = recording_of(events, sensor=(48, 64))
     assert np.shares_memory(packet.t, events.t)
-
-
-@pytest.mark.parametrize("sensor", ["64x48", (64,), (0, 48)])
-def test_sizes_that_are_none_are_named(sensor):
-    with pytest.raises(BadInput, match="is no size of a sensor"):
-        recording_of(ROWS, sensor=sensor)

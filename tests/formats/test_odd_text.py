@@ -82,11 +82,19 @@ def test_times_in_two_columns_are_refused_rather_than_read_by_halves(tmp_path, e
         open_events(path, sensor=SIZE)
 
 
-@pytest.mark.parametrize("form", ["{t:#x} {x} {y} {p}", "10:33:{s:09.6f} {x} {y} {p}"])
+@pytest.mark.parametrize(
+    "form", ["{t:#x} {x} {y} {p}", "10:33:{s:09.6f} {x} {y} {p}", "2024-01-01 10:33:{s:09.6f},{x},{y},{p}"]
+)
 def test_times_that_are_no_numbers_are_named(tmp_path, events, form, recwarn):
     with pytest.raises(BadFile, match=r"its times, such as .* are no numbers"):
         open_events(saved(tmp_path / "a.txt", events, form), sensor=SIZE)
     assert not recwarn.list
+
+
+def test_few_lines_with_dates_are_no_heading(tmp_path, events):
+    path = saved(tmp_path / "a.csv", events.part(0, 50), "2024-01-01 10:33:{s:09.6f},{x},{y},{p}", "t,x,y,p\n")
+    with pytest.raises(BadFile, match=r"its times, such as '10:33:.* are no numbers"):
+        open_events(path, sensor=SIZE)
 
 
 def test_polarities_in_words_are_shown(tmp_path, events):

@@ -29,12 +29,12 @@ def estimate_of(number: int, *, valid: np.ndarray) -> Estimate:
 def test_what_is_written_is_read_back(tmp_path, count):
     valid = np.eye(*SHAPE, dtype=np.bool_)
     estimates = [estimate_of(number, valid=valid) for number in range(count)]
-    file = EstimatesFile(tmp_path / "maps.h5", valid, attributes={"model": "tiny"})
+    file = EstimatesFile(tmp_path / "maps.h5", valid, attributes={"model": "tiny", "recording": "K\udcfcche.raw"})
     for estimate in estimates:
         file.write(estimate)
     file.close()
     with h5py.File(tmp_path / "maps.h5") as saved:
-        assert saved.attrs["model"] == "tiny"
+        assert (saved.attrs["model"], saved.attrs["recording"]) == ("tiny", r"K\udcfcche.raw")
         assert set(saved) == {
             "t_us",
             "has_events",

@@ -10,6 +10,12 @@ from evimo.training.validation import validated
 pytest.importorskip("tensorboard", reason="TensorBoard is not installed: it comes with evimo[train]")
 
 
+def test_a_name_that_is_no_utf8_is_refused_before_tensorboard_sees_it(curves, tmp_path):
+    with pytest.raises(BadInput, match="is not UTF-8"), curves.open_curves(tmp_path / "K\udcfcche", [], step=0):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.fixture
 def curves():
     from evimo.training import curves

@@ -16,6 +16,7 @@ from evimo.evaluation.baselines import CONSTANT_DEPTH, DENSITY, ZERO_TWIST
 from evimo.evaluation.ratios import Scores
 from evimo.evaluation.report import MODEL
 from evimo.evaluation.strata import AREAS, RESIDUALS
+from evimo.writing import in_utf8
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -218,7 +219,7 @@ def _by_sequence(result: Result) -> Plot | None:
 
 
 def _short(name: str) -> str:
-    return name.rsplit("/", 1)[-1].removesuffix(".npz")
+    return in_utf8(name.rsplit("/", 1)[-1].removesuffix(".npz"))
 
 
 def _legend(axes: "Axes") -> None:

@@ -155,7 +155,7 @@ def judge(times, verdicts, state, final, from_start):
     Returns how many were judged; whether the clock begins anew there, as what came before were a few events of another
     clock, to be dropped by the caller, who calls again from there; and whether any event is not kept.
     """
-    at, changed = 0, False
+    at, changed = np.int64(0), False  # a plain 0 has the functions below compiled for zero, too
     while at < len(times):
         if state[ACCEPTED] > 0 and state[BACK_RUN] == 0:
             after = in_step(times, at, state[NEWEST])

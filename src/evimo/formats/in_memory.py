@@ -8,15 +8,21 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.arguments import size_of
 from evimo.errors import BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.event_file import EventFile
-from evimo.formats.sensors import assumed_sensor, check_sensor
+from evimo.formats.sensors import assumed_sensor, size_in_words
+from evimo.formats.time_units import Times, in_words, is_plausible
 
 PACKET = 1 << 16  # events handed out at once
-LARGEST = {"x": 2**16 - 1, "y": 2**16 - 1, "t": 2**63 - 1}
+BEYOND = {"x": 2**16, "y": 2**16, "t": 2**62}
 POLARITY_NAMES = ("p", "polarity", "on")
-COLUMNS = "evimo.Events, an array with fields t, x, y and p, or an array (N, 4) whose columns are t, x, y, p; t in µs"
+COLUMNS = (
+    "evimo.Events, an array with fields t, x, y and p, or an array (N, 4) whose columns are t, x, y, p; t in µs; "
+    "what lists, tensors and tables hold becomes one by numpy.asarray"
+)
+PIECE = 10_000  # events of which the rate is looked at together
 
 
 def recording_of(events: Events | NDArray[Any], *, sensor: tuple[int, int] | None = None) -> EventFile:
@@ -28,13 +34,14 @@ def recording_of(events: Events | NDArray[Any], *, sensor: tuple[int, int] | Non
         sensor: (height, width) in px; without it the smallest known sensor that holds all events, with a warning.
 
     Raises:
-        BadInput: it is none of these, or a column is of another length, or holds what it cannot; or there are none.
+        BadInput: it is none of these, or a column is of another length, or holds what it cannot; or there are none; or
+            some lie outside the sensor.
     """
-    if sensor is not None:
-        check_sensor(sensor)
     checked = _sorted(_events(events))
     path = Path("events in memory")
     extent = int(checked.y.max()) + 1, int(checked.x.max()) + 1
+    size = assumed_sensor(path, extent) if sensor is None else _holding(size_of(sensor, "sensor"), extent)
+    _warn_of_times(checked, size)
 
     def read(start_us: int) -> Iterator[Events]:
         for first in range(int(np.searchsorted(checked.t, start_us)), len(checked), PACKET):
@@ -43,7 +50,7 @@ def recording_of(events: Events | NDArray[Any], *, sensor: tuple[int, int] | Non
     return EventFile(
         path=path,
         format="in memory",
-        sensor=sensor or assumed_sensor(path, extent),
+        sensor=size,
         start_us=int(checked.t[0]),
         stop_us=int(checked.t[-1]) + 1,
         read=read,
@@ -83,8 +90,10 @@ def _whole(column: NDArray[Any], name: str) -> NDArray[Any]:
     """Return the column, if all its numbers are whole and none is out of range."""
     if column.dtype.kind not in "iuf":
         raise BadInput(f"column {name} of the events is {column.dtype}", fix="whole numbers")
+    if column.dtype.kind == "f":
+        column = _exact(column, name)
     with np.errstate(invalid="ignore"):
-        wrong = ~((column >= 0) & (column <= LARGEST[name]))
+        wrong = ~((column >= 0) & (column < BEYOND[name]))
         if column.dtype.kind == "f":
             wrong |= column != np.rint(column)
     if wrong.any():
@@ -95,11 +104,43 @@ def _whole(column: NDArray[Any], name: str) -> NDArray[Any]:
     return column
 
 
+def _exact(column: NDArray[Any], name: str) -> NDArray[np.float64]:
+    """Return the column in float64, unless its own type has rounded what it holds."""
+    most = 2 ** (np.finfo(column.dtype).nmant + 1)
+    exact = column.astype(np.float64, copy=False)
+    if name == "t" and most < exact.max() < BEYOND[name]:
+        raise BadInput(
+            f"column t is {column.dtype}, which has no whole numbers beyond {most:,}", fix="times as int64 or float64"
+        )
+    return exact
+
+
 def _polarity(column: NDArray[Any]) -> NDArray[np.int8]:
     wrong = ~np.isin(column, (-1, 0, 1))
     if wrong.any():
         raise BadInput(f"column p holds {column[np.argmax(wrong)]!s}", fix="1 for brighter, and 0 or -1 for darker")
     return np.where(column > 0, np.int8(1), np.int8(-1))
+
+
+def _holding(sensor: tuple[int, int], extent: tuple[int, int]) -> tuple[int, int]:
+    """Return the sensor, if it holds so many rows and columns."""
+    if extent[0] <= sensor[0] and extent[1] <= sensor[1]:
+        return sensor
+    turned = "; sizes are (height, width)" if extent[0] <= sensor[1] and extent[1] <= sensor[0] else ""
+    raise BadInput(
+        f"events reach column {extent[1] - 1} and row {extent[0] - 1}, beyond a sensor of {size_in_words(sensor)}",
+        fix=f"the sensor or the camera that saw them, or leave out what is beyond it{turned}",
+    )
+
+
+def _warn_of_times(events: Events, sensor: tuple[int, int]) -> None:
+    """Say so where times are of no camera in µs, which they are taken as."""
+    firsts = np.linspace(0, max(len(events) - PIECE, 0), 8).astype(int).tolist()
+    pieces = [events.t[first : first + PIECE].astype(np.float64) for first in firsts]
+    times = Times(pieces, step=None, pixels=sensor[0] * sensor[1])
+    if not is_plausible(times, "us"):
+        text = f"events in memory: {in_words(times, 'us')}, as of no camera: are their times in µs?"
+        warnings.warn(text, EvimoWarning, stacklevel=4)
 
 
 def _sorted(events: Events) -> Events:

@@ -4,11 +4,11 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from evimo.errors import BadInput, EvimoWarning
+from evimo.arguments import path_of, size_of, word_of
+from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.formats.columns import said_columns
 from evimo.formats.event_file import EventFile
 from evimo.formats.recognition import SUFFIXES, Kind, recognised
-from evimo.formats.sensors import check_sensor
 from evimo.formats.time_units import POWERS, TimeUnit
 
 # What the reader of each kind asks for besides the sensor, as keywords.
@@ -42,23 +42,36 @@ def open_events(
     Raises:
         NotFound: there is nothing at `path`.
         BadFile: it is no event recording that can be read; the message says what it is.
-        BadInput: the sensor's size, the unit or the columns are none.
+        BadInput: an option is not what it may be.
     """
-    path = Path(path)
-    if sensor is not None:
-        check_sensor(sensor)
-    if time_unit is not None and time_unit not in POWERS:
-        raise BadInput(f"time_unit={time_unit!r} is no unit of times", fix=f"one of {', '.join(POWERS)}")
-    if columns is not None:
-        said_columns(columns)
+    path = path_of(path, "a recording")
+    sensor = None if sensor is None else size_of(sensor, "sensor")
+    if time_unit not in (None, *POWERS):
+        raise BadInput(f"times in {time_unit!r}", fix=f"time_unit is one of {', '.join(POWERS)}")
+    _check_words(columns, topic)
     kind = recognised(path)
     options = {"time_unit": time_unit, "columns": columns, "topic": topic}
     recording = _opener(kind)(path, sensor, **_used(path, kind, options))
+    _check_sensor(recording)
     suffix = path.suffix.lower()
     if path.is_file() and suffix not in SUFFIXES[kind]:
         text = f"{path.name} holds {_title(kind)} by its content: its suffix {suffix or '(none)'!r} is ignored"
         warnings.warn(text, EvimoWarning, stacklevel=2)
     return recording
+
+
+def _check_words(columns: object, topic: object) -> None:
+    if columns is not None:
+        said_columns(word_of(columns, "columns", fix="their letters in order, as in 'txyp'"))
+    if topic is not None:
+        word_of(topic, "topic", fix="its name, as `evimo info` lists it")
+
+
+def _check_sensor(recording: EventFile) -> None:
+    try:
+        size_of(recording.sensor, f"the sensor that {recording.path.name} tells of")
+    except BadInput as error:
+        raise BadFile(error.problem, fix="give its size with --sensor WxH") from error
 
 
 def _opener(kind: Kind) -> Callable[..., EventFile]:

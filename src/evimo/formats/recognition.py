@@ -119,6 +119,11 @@ def recognised(path: Path) -> Kind:
     check_there([path])
     if path.is_dir() or (path.name.startswith("dataset_") and (path.parent / "dataset_events_t.npy").exists()):
         return _folder(path if path.is_dir() else path.parent)
+    if not path.is_file():
+        raise BadFile(
+            f"{path} is a pipe or a device: a recording is read more than once, and from the middle",
+            fix="save it as a file first",
+        )
     if path.name == METADATA and is_folder_of_bag(path.parent):
         return "rosbag2"
     start = _start(path)

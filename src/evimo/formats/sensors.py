@@ -28,21 +28,6 @@ def sensor_size(written: str) -> tuple[int, int]:
     return height, width
 
 
-def check_sensor(sensor: Any) -> None:
-    """Make sure that a size which a caller gives is one.
-
-    Raises:
-        BadInput: it is not two positive whole numbers.
-    """
-    try:
-        height, width = (int(side) for side in sensor)
-        fits = (height, width) == tuple(sensor) and 0 < min(height, width) <= max(height, width) < NOWHERE
-    except (TypeError, ValueError, OverflowError):
-        fits = False
-    if not fits:
-        raise BadInput(f"sensor={sensor!r} is no size of a sensor", fix="(height, width) in px, as in (260, 346)")
-
-
 def size_in_words(sensor: tuple[int, int]) -> str:
     """Return a size as users write it, as in 346x260."""
     return f"{sensor[1]}x{sensor[0]}"

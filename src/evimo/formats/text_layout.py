@@ -37,6 +37,7 @@ SIZES = (
     r".*?width\W*(\d+)\W*height\W*(\d+)",
     rf"\W*{SIDES}\W*$",
 )
+CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?")  # a word of its own, behind a date
 COLUMNS = np.array([4, 0, 1, 2, 3])  # roles of _ t x y p, as `text_kernel` has them
 
 
@@ -95,7 +96,7 @@ def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | Non
     Raises:
         BadFile: there are no lines of numbers, or no sense in them.
     """
-    _, lines = next(source.blocks(), (0, b""))
+    lines = _beginning(source)
     heading = _heading(lines)
     pieces = [rows for raw in (lines[heading.length :], *_further(source)) if (rows := _rows(raw))]
     if not pieces:
@@ -103,6 +104,8 @@ def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | Non
     width = len(pieces[0][0])
     pieces = [[row for row in rows if len(row) == width] for rows in pieces]
     sample = _numbers([row for rows in pieces for row in rows])
+    if not columns and len(heading.columns or "") != width:
+        _refuse_words(source.path, [[word for word in pieces[0][0] if CLOCK.fullmatch(word)]])
     order = _order(source.path, heading, columns, sample, " ".join(pieces[0][0])[:60])
     written = [[row[order.index("t")] for row in rows] for rows in pieces if rows]
     _refuse_words(source.path, written)
@@ -113,6 +116,13 @@ def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | Non
         unit = heading.unit
     guessed = found_unit(source.path, times, said=unit, usual="s" if dotted else "us")
     return Layout(heading.length, order, guessed, unit is not None, dotted, heading.sensor)
+
+
+def _beginning(source: TextSource) -> bytes:
+    """The first lines, the last one of a short file included where nothing ends it."""
+    blocks = source.blocks()
+    _, lines = next(blocks, (0, b""))
+    return lines + next(blocks, (0, b""))[1] if len(lines) < SAMPLE_BYTES else lines
 
 
 def _order(path: Path, heading: Heading, said: str | None, sample: NDArray[np.float64], shown: str) -> str:
@@ -180,7 +190,7 @@ def _heading(raw: bytes) -> Heading:
         text = line.decode(errors="replace").strip()
         words = _named_words(text)
         numbers = [bool(NUMBER.fullmatch(word)) for word in words if word]
-        if text[:1] not in ("#", "%") and len(numbers) > 2 and all(numbers[:1]) and sum(numbers) > 2:
+        if sum(numbers) > 2 and (text[0].isdecimal() or (numbers[0] and text[0] not in "#%")):
             break
         _heed(heading, text, words)
         heading.length += len(line) + 1

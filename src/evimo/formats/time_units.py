@@ -141,7 +141,7 @@ def found_unit(path: Path, times: Times, *, said: TimeUnit | None, usual: TimeUn
         raise BadFile(f"{path.name}: none of its times is a number", fix="export the recording again")
     if said is not None:
         if not is_plausible(times, said):
-            text = f"{path.name}: {_in_words(times, said)}: no camera does that"
+            text = f"{path.name}: {in_words(times, said)}: no camera does that"
             warnings.warn(f"{text}; --time-unit {said} may not be their unit", EvimoWarning, stacklevel=4)
         return said
     if times.in_no_order(WINDOW_US / 10.0 ** POWERS[usual]):
@@ -151,14 +151,14 @@ def found_unit(path: Path, times: Times, *, said: TimeUnit | None, usual: TimeUn
         )
     known: list[TimeUnit] = [unit for unit in POWERS if is_plausible(times, unit)]
     if not known:
-        raise BadFile(f"{path.name}: {_in_words(times, usual)}: no camera does that", fix=FIX)
+        raise BadFile(f"{path.name}: {in_words(times, usual)}: no camera does that", fix=FIX)
     costs: dict[TimeUnit, float] = {unit: _cost(times, unit) + (0 if unit == usual else CONVENTION) for unit in known}
     known.sort(key=lambda unit: costs[unit])
     unit, others = known[0], known[1:]
     in_doubt = times.count >= ENOUGH and not math.isinf(times.rate)
     if unit != usual or (in_doubt and others and costs[others[0]] < costs[unit] + DOUBT):
         other = usual if unit != usual else others[0]
-        why = f"{_in_words(times, unit)}; {_in_words(times, other)}" if in_doubt else "by their dates and digits"
+        why = f"{in_words(times, unit)}; {in_words(times, other)}" if in_doubt else "by their dates and digits"
         text = f"{path.name}: times are taken as {NAMES[unit]} ({why})"
         warnings.warn(f"{text}; --time-unit sets their unit", EvimoWarning, stacklevel=4)
     return unit
@@ -193,7 +193,8 @@ def _cost(times: Times, unit: TimeUnit) -> float:
     return cost
 
 
-def _in_words(times: Times, unit: TimeUnit) -> str:
+def in_words(times: Times, unit: TimeUnit) -> str:
+    """Return what a recording would be like in a unit."""
     per_s = times.rate / 10.0 ** (POWERS[unit] - 6)
     return f"in {NAMES[unit]} there would be {per_s:.3g} events a second, {per_s / times.pixels:.2g} per pixel"
 

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from evimo.arguments import path_of, size_of, word_of
 from evimo.errors import BadFile, BadInput, NotFound
 from evimo.geometry.calibration_numbers import is_number, sizes
 from evimo.geometry.calibration_trees import FORMATS, beside, file_text, tree_of
@@ -40,7 +41,10 @@ def load_camera(
         BadFile: not a calibration, truncated, or with impossible values.
         BadInput: the size is not in the file and not given, or differs from the file's; or several cameras fit.
     """
-    path = Path(path)
+    path = path_of(path, "a calibration")
+    size = None if size is None else size_of(size, "size")
+    topic = None if topic is None else word_of(topic, "topic", fix="that of the events in their bag")
+    camera = None if camera is None else word_of(camera, "camera", fix="its name in the file, as in 'cam0'")
     text = file_text(path)
     plain = re.sub(r"^\s*[#%].*$", "", text, flags=re.MULTILINE)
     numbers = [word for word in re.split(r"[\s,;\[\]()]+", plain) if word]

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.arguments import number_of, size_of
 from evimo.errors import BadInput, EvimoWarning
 
 Lens = Literal["radtan", "fisheye"]
@@ -48,16 +49,29 @@ class Camera:
     lens: Lens = "radtan"
 
     def __post_init__(self) -> None:
+        self._take_plain_numbers()
         numbers = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
         if not all(math.isfinite(number) for number in numbers) or min(self.fx, self.fy) <= 0:
             raise BadInput(f"not a camera: {numbers}", fix="finite numbers and positive focal lengths in px")
-        if min(self.height, self.width) < 1:
-            raise BadInput(f"not a sensor size: {self.size}", fix="a positive height and width in px")
         if self.lens not in COEFFICIENTS or len(self.distortion) not in COEFFICIENTS[self.lens]:
             raise BadInput(
                 f"a {self.lens} lens with {len(self.distortion)} coefficients",
                 fix="radtan with k1 k2 p1 p2 and maybe k3, or fisheye with k1 k2 k3 k4",
             )
+
+    def _take_plain_numbers(self) -> None:
+        """Make plain numbers and a tuple of what may be NumPy's or a list, so that cameras compare and print alike."""
+        for name in ("fx", "fy", "cx", "cy"):
+            number = number_of(getattr(self, name), f"{name} of the camera", fix="a number in px")
+            object.__setattr__(self, name, number)
+        height, width = size_of(self.size, "the size of the camera's sensor")
+        object.__setattr__(self, "height", height)
+        object.__setattr__(self, "width", width)
+        try:
+            coefficients = tuple(float(each) for each in self.distortion)
+        except (TypeError, ValueError):
+            raise BadInput(f"not coefficients of a lens: {self.distortion!r}", fix="numbers, or () for none") from None
+        object.__setattr__(self, "distortion", coefficients)
 
     @property
     def size(self) -> tuple[int, int]:

@@ -9,7 +9,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from evimo.errors import BadFile, NotFound
+from evimo.arguments import path_of
+from evimo.errors import BadFile, BadInput, NotFound
 from evimo.model.networks import Model, config_of, network_of
 from evimo.model.presets import PRESETS
 from evimo.model.weights import packaged
@@ -22,19 +23,24 @@ def load_model(name_or_path: str | Path, *, device: str = "cpu") -> Model:
     Raises:
         NotFound: no such preset or file.
         BadFile: the file is damaged, or of another kind.
+        BadInput: there is no such device here.
     """
-    path = packaged(str(name_or_path), ".safetensors") or Path(name_or_path)
+    path = packaged(str(name_or_path), ".safetensors") or path_of(name_or_path, "a model")
     if not path.is_file():
         raise NotFound(
             f"no model {str(name_or_path)!r}", fix=f"one of {', '.join(PRESETS)}, or the path of a .safetensors file"
         )
     tensors, facts = load_tensors(path)
     try:
-        model = network_of(config_of(facts["config"])).to(device)
+        model = network_of(config_of(facts["config"]))
         model.load_state_dict(tensors)
     except (KeyError, TypeError, AttributeError, RuntimeError) as error:
         raise BadFile(f"{path} holds another kind of model: {error}", fix="a file that `evimo train` wrote") from error
-    return model.eval()
+    try:
+        return model.to(device).eval()
+    except (RuntimeError, AssertionError, TypeError) as error:  # of torch, each its own way to say that there is none
+        why = str(error).splitlines()[0]
+        raise BadInput(f"no device {device!r} for a model: {why}", fix="cpu, or a device that torch can use") from error
 
 
 def save_model(model: Model, path: Path, **facts: Any) -> None:

@@ -159,7 +159,7 @@ def _append(answer: HTTPResponse, part: Path, have: int, progress: Callable[[int
         total = kept + (int(length) if length.isdecimal() else 0)
         free = shutil.disk_usage(part.parent).free
         if total - kept > free:
-            text = f"{part.stem} needs {(total - kept) / 1e9:.1f} GB, {part.parent} has {free / 1e9:.1f} GB"
+            text = f"{part.stem} needs {(total - kept) / 1e9:.3g} GB, {part.parent} has {free / 1e9:.3g} GB"
             raise BadInput(text, fix="another --out, or more room on the disk")
         progress(kept)
         with part.open("ab" if kept else "wb") as file:

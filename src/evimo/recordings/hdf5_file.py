@@ -6,6 +6,8 @@ from typing import Any
 
 import h5py
 
+from evimo.writing import in_utf8
+
 
 class Hdf5File:
     """A new HDF5 file that says when its disk fails, and that can always be closed.
@@ -21,7 +23,8 @@ class Hdf5File:
         """
         self._disk = _Disk(path)
         self.content: Any = h5py.File(self._disk, "w")
-        self.content.attrs.update(attributes)
+        # HDF5 takes UTF-8 alone, which not every file's name is in.
+        self.content.attrs.update({name: in_utf8(words) for name, words in attributes.items()})
         self.content.flush()
         if self._disk.failure is not None:
             self.close()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.arguments import path_of
 from evimo.errors import BadFile, NotFound
 from evimo.formats.event_file import EventFile
 from evimo.geometry.camera import Camera
@@ -185,7 +186,7 @@ def open_recording(path: str | Path) -> Recording:
         NotFound: no such folder or file.
         BadFile: it lacks a part, or a part is damaged; nothing in it is ever unpickled.
     """
-    path = Path(path)
+    path = path_of(path, "a recording")
     if not path.exists():
         raise NotFound(f"no recording {path}", fix="a recording of EV-IMO or EVIMO2, or of `evimo simulate`")
     layout = layout_of(path)

@@ -1,12 +1,14 @@
 """A model scored on recordings that know the truth, beside the trivial answers."""
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+from evimo.arguments import number_of, path_of, paths_of
 from evimo.errors import BadFile, BadInput
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.kinds import groups_of
@@ -54,12 +56,13 @@ def evaluate(
         `rows` by name, "model" first, each a mapping from a column to a score with `value`; `groups` by kind of scene.
 
     Raises:
-        NotFound, BadFile: recordings, or the model. BadInput: `imu` is neither.
+        NotFound, BadFile: recordings, or the model. BadInput: `imu` is neither; another argument is not what it may be.
     """
     if imu not in ("auto", "off"):
         raise BadInput(f"no way {imu!r} to use an IMU", fix="auto or off")
-    paths = [recordings] if isinstance(recordings, str | Path) else recordings
-    opened = [open_recording(path) for path in recordings_in((Path(path) for path in paths), split=split)]
+    number_of(density_threshold, "density_threshold", fix="a number, as in 1.5")
+    out = None if out is None else path_of(out, "out")
+    opened = [open_recording(path) for path in recordings_in(paths_of(recordings, "a recording"), split=split)]
     settings: dict[str, str | float] = {
         "model": str(model),
         **{f"model {key}": value for key, value in model_of(model).identity.items()},
@@ -67,7 +70,7 @@ def evaluate(
         "imu": imu,
         "evimo": own_version(),
     }
-    kept = [_kept_at(Path(out), recording) if out else None for recording in opened]
+    kept = [_kept_at(out, recording) if out else None for recording in opened]
     told = [settings | {"recording": recording.mark} for recording in opened]
     reports = [_scored_before(path, each) for path, each in zip(kept, told, strict=True)]
     total = Report()
@@ -88,7 +91,7 @@ def evaluate(
 
 def _kept_at(out: Path, recording: Recording) -> Path:
     """Where the recording's own report is kept; the mark tells apart folders of the same name in different places."""
-    mark = hashlib.sha256(str(recording.path.resolve()).encode()).hexdigest()[:8]
+    mark = hashlib.sha256(os.fsencode(recording.path.resolve())).hexdigest()[:8]
     return out / "recordings" / f"{recording.path.name}-{mark}.json"
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from evimo.arguments import path_of, paths_of
 from evimo.errors import BadInput, EvimoWarning
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.kinds import groups_of
@@ -22,6 +23,7 @@ from evimo.recordings.finding import recordings_in
 from evimo.recordings.prediction import Prediction
 from evimo.recordings.recording import SAME_US, Recording, open_recording
 from evimo.streaming.evaluating import Tick, unseen
+from evimo.writing import in_utf8
 
 WITHIN_MS = SAME_US / 1000
 UNUSED = "predictions at no slice's centre, not scored"
@@ -53,8 +55,8 @@ def evaluate_predictions(
     """
     if not 0 <= within_ms <= 12.5:
         raise BadInput(f"masks within {within_ms:g} ms of a slice's centre", fix="0 to 12.5, half of a slice")
-    recordings = recordings_in(map(Path, [truth] if isinstance(truth, str | Path) else truth))
-    paths, within_us = predictions_of(Path(predictions), recordings), round(within_ms * 1e3)
+    recordings = recordings_in(paths_of(truth, "a recording"))
+    paths, within_us = predictions_of(path_of(predictions, "predictions"), recordings), round(within_ms * 1e3)
     opened = [open_recording(path) for path in recordings]
     total, facts = Report(), list[dict[str, str]]()
     with progress(sum(map(len, opened))) as tick:
@@ -72,7 +74,8 @@ def _scored(
 ) -> tuple[Report, dict[str, str]]:
     """The report of one recording, and what its predictions tell of themselves."""
     predictions = open_predictions(path, recording)
-    if (of := predictions.facts.get("recording", recording.path.name)) != recording.path.name:
+    of = predictions.facts.get("recording", recording.path.name)
+    if in_utf8(of) != in_utf8(recording.path.name):
         text = f"{path} says that it is of {of!r}; it is scored against {recording.path}"
         warnings.warn(text, EvimoWarning, stacklevel=3)
     matched = _Matched(recording, predictions, within_us=within_us)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from evimo.arguments import path_of
 from evimo.geometry.rectification import Rectification
 from evimo.streaming.four_parameters import CLASSICAL, Fits, FourParameters
 from evimo.streaming.graphs import open_graph
@@ -17,9 +18,9 @@ def model_of(name_or_path: str | Path) -> Model:
     """Return the model of that name, ready to run: a preset, an ONNX file, or `classical`.
 
     Raises:
-        NotFound, BadFile: as `Network`.
+        NotFound, BadFile: as `Network`. BadInput: it is neither a name nor a path.
     """
-    if str(name_or_path) == CLASSICAL:
+    if str(path_of(name_or_path, "a model")) == CLASSICAL:
         return FourParameters()
     graph = open_graph(name_or_path)
     return OneLookNetwork(graph) if looks_once(graph) else Network(graph)

@@ -10,11 +10,13 @@ so an hour needs no more memory than a second.
 from collections.abc import Generator, Iterator
 from contextlib import closing
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
+from evimo.arguments import size_of
 from evimo.errors import BadInput
 from evimo.events.events import Events, joined
 from evimo.events.slices import Slice, in_slices, in_stacks
@@ -22,6 +24,7 @@ from evimo.events.stack import EventStack
 from evimo.formats.event_file import EventFile
 from evimo.formats.in_memory import recording_of
 from evimo.formats.opening import open_events
+from evimo.formats.sensors import size_in_words
 from evimo.geometry.calibration import load_camera
 from evimo.geometry.camera import Camera, assumed_camera
 from evimo.geometry.rectification import rectified
@@ -38,6 +41,7 @@ from evimo.streaming.span import AGREEING, STACKED, span_of
 from evimo.streaming.stopwatch import Stopwatch
 from evimo.streaming.threads import ahead, in_parallel
 
+CAMERA = "evimo.Camera(fx=…, fy=…, cx=…, cy=…, height=…, width=…), or the path of a calibration file"
 AHEAD = 2  # stacks that wait for the networks
 
 
@@ -72,17 +76,15 @@ def run(
 
     Raises:
         NotFound, BadFile: the model, or the recording or calibration at that path.
-        BadInput: `events` are none, or not on the camera; the camera is of another size; the span holds no complete
-            slice; `imu` is neither; `event_labels` of a model that finds no objects.
+        BadInput: `events` are none, or not on the camera; the camera is none, or of another size; the span holds no
+            complete slice; `imu` is neither; `event_labels` of a model that finds no objects.
     """
-    recording = _recording(events, sensor, camera if isinstance(camera, Camera) else None)
-    if isinstance(camera, str | Path):
-        camera = load_camera(camera, size=recording.sensor, topic=recording.topic)
+    recording = _recording(events, sensor, camera)
     return _estimates(
         Run(
             recording,
             model_of(model),
-            camera=camera,
+            camera=_loaded(camera, recording),
             start_s=start_s,
             stop_s=stop_s,
             event_labels=event_labels,
@@ -92,13 +94,27 @@ def run(
 
 
 def _recording(
-    events: EventFile | Events | str | Path | NDArray[Any], sensor: tuple[int, int] | None, camera: Camera | None
+    events: EventFile | Events | str | Path | NDArray[Any], sensor: tuple[int, int] | None, camera: object
 ) -> EventFile:
     if isinstance(events, EventFile):
+        if sensor is not None and size_of(sensor, "sensor") != events.sensor:
+            raise BadInput(
+                f"{events.path.name} was opened with a sensor of {size_in_words(events.sensor)}",
+                fix="open_events(PATH, sensor=…), and none here",
+            )
         return events
-    if isinstance(events, str | Path):
+    if isinstance(events, str | PathLike):
         return open_events(events, sensor=sensor)
-    return recording_of(events, sensor=sensor or (camera.size if camera else None))
+    return recording_of(events, sensor=camera.size if sensor is None and isinstance(camera, Camera) else sensor)
+
+
+def _loaded(camera: object, recording: EventFile) -> Camera | None:
+    """The camera, or that of a calibration file."""
+    if camera is None or isinstance(camera, Camera):
+        return camera
+    if not isinstance(camera, str | Path):
+        raise BadInput(f"a camera is given as a value of type {type(camera).__name__}", fix=CAMERA)
+    return load_camera(camera, size=recording.sensor, topic=recording.topic)
 
 
 def _estimates(prepared: "Run") -> Iterator[Estimate]:

@@ -3,12 +3,14 @@
 import math
 from dataclasses import dataclass
 
+from evimo.arguments import number_of
 from evimo.errors import BadInput
 from evimo.events.slices import SLICE_US
 from evimo.formats.event_file import EventFile
 
 STACKED = 5  # slices of a stack, two before and two after its middle one
 AGREEING = 3  # slices whose masks agree: one before, the slice itself and one after
+SECONDS = "seconds after the first event, as in 0.5"
 CONTEXT = 2 * (STACKED // 2) + AGREEING // 2  # slices to each side that an estimate depends on: stacks of stacks
 
 
@@ -57,6 +59,8 @@ def span_between(begin_us: int, end_us: int, *, start_s: float = 0.0, stop_s: fl
     Raises:
         BadInput: as `span_of`.
     """
+    start_s = number_of(start_s, "the start", fix=SECONDS)
+    stop_s = None if stop_s is None else number_of(stop_s, "the stop", fix=SECONDS)
     length_s = (end_us - begin_us) / 1e6
     until_s = length_s if stop_s is None else stop_s
     if not (math.isfinite(start_s) and math.isfinite(until_s)) or not 0 <= start_s < min(until_s, length_s):

@@ -18,7 +18,7 @@ from evimo.model.networks import Model
 from evimo.recordings.prepared import Prepared
 from evimo.training.logs import Log, log_rows
 from evimo.training.validation import estimates_masks, middle_events, slice_answered, validated
-from evimo.writing import explained
+from evimo.writing import explained, in_utf8
 
 PICTURES = 4  # recordings that are shown, in the middle
 SLICES_SCORED = 5  # one slice in so many
@@ -85,6 +85,8 @@ def open_curves(out: Path, recordings: Sequence[Prepared], *, step: int) -> Gene
     Raises:
         BadInput: they cannot be written, or the disk is full; or no recording can be scored.
     """
+    if in_utf8(str(out)) != str(out):
+        raise BadInput(f"the name of {out} is not UTF-8, which TensorBoard needs", fix="another --out")
     with explained(out / "tensorboard"), _said_once():
         writer = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
         try:
