@@ -50,6 +50,13 @@ def njit(**options: Any) -> Callable[[Any], Any]:
     return compiled
 
 
+def is_kept(made: Any) -> bool:
+    """Whether code of a compiled function is kept for later processes, of whatever state; True where none can be."""
+    index: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)
+    path: Any = getattr(index, "_index_path", None)
+    return path is None or Path(path).exists()
+
+
 @contextmanager
 def announced(say: Callable[[str], None]) -> Generator[None]:
     """Call `say` with a line about what is being compiled, now and then, while the `with` lasts."""

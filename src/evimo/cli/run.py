@@ -104,7 +104,9 @@ def _run_all(asked: Asked, recordings: tuple[Path, ...], out: Path | None, crew:
 
 def _run_alone(asked: Asked, recording: Path, out: Path) -> int:
     """The run over one recording by this process, which tells of every slice and can be stopped after any."""
-    with heard_warnings() as heard:
+    from evimo.streaming.beside import compiled_beside
+
+    with heard_warnings() as heard, compiled_beside():
         prepared = asked.prepared(recording)
         from evimo.streaming.saving import save_run
 
