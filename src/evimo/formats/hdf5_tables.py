@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile, MissingExtra
-from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, said_columns
+from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, sized_columns
 from evimo.formats.sensors import NOWHERE
 
 ECF = 36559
@@ -125,7 +125,7 @@ def _of_array(path: Path, name: str, array: Any, said: str | None) -> EventTable
         return None
     parts = [array[at : at + SAMPLE_ROWS // 8] for at in np.linspace(0, len(array) - 1, 8).astype(int)]
     sample = np.concatenate(parts).astype(np.float64)
-    order = said_columns(said).ljust(array.shape[1], "_") if said else found_columns(path, sample)
+    order = sized_columns(said, array.shape[1]) if said else found_columns(path, sample)
     return EventTable(name, {letter: (array, order.index(letter)) for letter in LETTERS}, len(array))
 
 
