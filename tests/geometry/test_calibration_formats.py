@@ -336,6 +336,8 @@ HD4 = Camera(1000.5, 1001.5, 640.25, 360.75, 720, 1280, BENT4)
         ({"mtx": MATRIX.tolist(), "dist": [BENT], "imageSize": [1280, 720]}, HD),
         (ROWS | {"dist": BENT, "image_size": SIZE}, HD),
         (ROWS | {"dist": BENT, "distortion_model": ""}, HD),
+        (ROWS | {"dist": BENT, "distances": [0.5, 1.0]}, HD),
+        (ROWS | {"distances": [0.5, 1.0]}, Camera(*NAMED.values(), 720, 1280)),
         (ROWS | {"dist": BENT4, "fisheye_model": "True"}, Camera(*NAMED.values(), 720, 1280, BENT4, "fisheye")),
         (
             NAMED | SIZE | {"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4, "distortion_model": "fisheye"},

@@ -114,7 +114,7 @@ def _loaded(camera: object, recording: EventFile) -> Camera | None:
         return camera
     if not isinstance(camera, str | PathLike):
         raise BadInput(f"a camera is given as a value of type {type(camera).__name__}", fix=CAMERA)
-    return load_camera(camera, size=recording.sensor, topic=recording.topic)
+    return load_camera(Path(camera), size=recording.sensor, topic=recording.topic)
 
 
 def _estimates(prepared: "Run") -> Iterator[Estimate]:
