@@ -14,9 +14,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, MissingExtra
+from evimo.arguments import size_of
+from evimo.errors import BadFile, BadInput, MissingExtra
 from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, sized_columns
-from evimo.formats.sensors import NOWHERE
 
 ECF = 36559
 IN_PLUGIN = {32001: "blosc", 32026: "blosc2", 32004: "LZ4", 32008: "bitshuffle", 32015: "Zstandard", 307: "bzip2"}
@@ -191,9 +191,7 @@ def _size(path: Path, name: str, written: Any, rows_first: list[Any]) -> tuple[i
         BadFile: they are none.
     """
     try:
-        height, width = (int(side) for side in rows_first)
-    except (TypeError, ValueError, OverflowError):
-        height, width = 0, 0
-    if not 0 < min(height, width) <= max(height, width) < NOWHERE:
-        raise BadFile(f"{path.name}: its {name} {written!s} is no sensor size", fix="give it with --sensor WxH")
-    return height, width
+        return size_of(rows_first, name)
+    except BadInput as error:
+        text = f"{path.name}: its {name} {written!s} is no sensor size"
+        raise BadFile(text, fix="give it with --sensor WxH") from error
