@@ -87,7 +87,7 @@ class Described:
         except BadInput as error:
             raise BadFile(f"{where}: {error.problem}", fix=error.fix) from error
         if kind == "fisheye" and not distortion:
-            raise BadFile(f"{where}: a {lens} lens without its coefficients", fix="complete the file: k1 k2 k3 k4")
+            raise BadFile(f"{where}: its lens, {lens}, has no coefficients", fix="complete the file: k1 k2 k3 k4")
         matrix = pinhole(where, numbers(where, self.matrix))
         sensor = self.size or size
         if sensor is None:
