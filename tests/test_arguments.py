@@ -48,7 +48,8 @@ def test_two_whole_numbers_are_a_size(given):
     "given",
     [
         *("346x260", "12", b"12", 260, None, (260,), (260, 346, 1), (260, "wide"), [], ()),
-        *((0, 346), (-260, 346), (260.5, 346), (260, np.nan), (260, np.inf), (MOST_PIXELS, 2), np.zeros((2, 2))),
+        *((0, 346), (-260, 346), (260.5, 346), (260, np.nan), (260, np.inf), (MOST_PIXELS, 2)),
+        *((10**400, 2), np.zeros((2, 2))),
     ],
 )
 def test_what_is_no_size_of_a_sensor_is_refused(given):
@@ -61,6 +62,8 @@ def test_numbers_and_words():
     assert word_of("left", "topic", fix="") == "left"
     with pytest.raises(BadInput, match=r"start is \[1, 2\], which is no number"):
         number_of([1, 2], "start", fix="")
+    with pytest.raises(BadInput, match="start is a value of type int, which is no number"):
+        number_of(10**400, "start", fix="")
     with pytest.raises(BadInput, match="topic is a value of type ndarray, which is no word"):
         word_of(np.arange(1000), "topic", fix="")
 

@@ -49,7 +49,7 @@ def size_of(given: Any, what: str) -> tuple[int, int]:
     """
     try:
         numbers = [] if isinstance(given, str | bytes) else [float(each) for each in given]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = []
     if len(numbers) != 2 or not all(1 <= each <= MOST_PIXELS and each.is_integer() for each in numbers):
         raise BadInput(f"{what} is {_shown(given)}, which is no size", fix=SIZE)
@@ -67,7 +67,7 @@ def number_of(given: Any, what: str, *, fix: str) -> float:
     """
     try:
         return float(given)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise BadInput(f"{what} is {_shown(given)}, which is no number", fix=fix) from None
 
 

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import joined
 from evimo.formats import open_events
 
@@ -116,6 +116,26 @@ def test_columns_that_are_none_are_refused(tmp_path, events, column):
         open_events(saved(tmp_path / "folder", columns_of(events) | {"p": column}), sensor=SIZE)
 
 
+@pytest.mark.parametrize("suffix", ["npz", "h5", "csv"])
+def test_the_flow_of_each_event_is_not_its_place(tmp_path, events, rows, suffix):
+    flow = np.random.default_rng(0).normal(size=(2, len(events)))
+    columns = {"t": events.t, "u": flow[0], "v": flow[1]} | columns_of(events)
+    if suffix == "csv":
+        table = np.stack(list(columns.values()), axis=1)
+        np.savetxt(tmp_path / "a.csv", table, "%.9g", delimiter=",", header=",".join(columns), comments="")
+    else:
+        saved(tmp_path / f"a.{suffix}", columns)
+    assert rows(open_events(tmp_path / f"a.{suffix}", sensor=SIZE)) == rows([events])
+
+
+def test_fields_beside_those_of_events_may_be_words(tmp_path, events, rows):
+    table = np.zeros(len(events), [("t", "i8"), ("x", "u2"), ("y", "u2"), ("p", "i1"), ("label", "S8")])
+    for name, column in columns_of(events).items():
+        table[name] = column
+    np.savez(tmp_path / "a.npz", events=table)
+    assert rows(open_events(tmp_path / "a.npz", sensor=SIZE)) == rows([events])
+
+
 @pytest.mark.parametrize("name", ["a.npz", "a.h5", "folder"])
 def test_pixels_with_fractions_are_said_and_parts_of_an_image_refused(tmp_path, events, name):
     columns = columns_of(events)
@@ -205,3 +225,7 @@ def test_more_columns_than_four_are_told_apart(tmp_path, events, rows):
         file["davis/events"] = table
     for columns in (None, "xytp_"):
         assert rows(open_events(tmp_path / "a.h5", sensor=SIZE, columns=columns)) == rows([events])
+    np.savez(tmp_path / "a.npz", events=table)
+    for name in ("a.h5", "a.npz"):
+        with pytest.raises(BadInput, match="names 6 columns, and there are 5"):
+            open_events(tmp_path / name, sensor=SIZE, columns="__xytp")

@@ -149,6 +149,13 @@ def test_sizes_in_comments_are_heeded(tmp_path, events, line):
     assert open_events(saved(tmp_path / "a.csv", events, "{t},{x},{y},{p}", line + "\n")).sensor == SIZE
 
 
+@pytest.mark.parametrize("line", ["# pixel size 15 x 15 um", "# window size: 50, 10"])
+def test_other_sizes_in_comments_are_not_those_of_the_sensor(tmp_path, events, rows, line):
+    path = saved(tmp_path / "a.csv", events, "{t},{x},{y},{p}", line + "\n")
+    with pytest.warns(EvimoWarning, match="does not tell its sensor's size"):
+        assert rows(open_events(path)) == rows([events])
+
+
 @pytest.mark.parametrize("between", [":", "/"])
 def test_lines_of_other_marks_are_shown(tmp_path, events, between):
     path = saved(tmp_path / "a.txt", events, between.join(("{t}", "{x}", "{y}", "{p}")))

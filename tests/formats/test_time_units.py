@@ -7,7 +7,7 @@ import pytest
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import joined
 from evimo.formats import open_events
-from evimo.formats.time_units import as_us
+from evimo.formats.time_units import as_us, repeat_of
 
 REAL = {
     "recordings/davis346_road/davis346.aedat4": 40_000,
@@ -182,7 +182,16 @@ def test_times_none_of_which_is_a_number(tmp_path, some_events, recwarn):
     np.savez(tmp_path / "a.npz", t=np.full(500, np.nan), x=events.x, y=events.y, p=events.p)
     with pytest.raises(BadFile, match="none of its times is a number"):
         open_events(tmp_path / "a.npz", sensor=(48, 64))
+    (tmp_path / "a.csv").write_text("t_us,x,y,p\n" + "nan,1,2,1\nnan,3,4,0\n" * 50)
+    with pytest.raises(BadFile, match="none of its times is a number"):
+        open_events(tmp_path / "a.csv", sensor=(48, 64))
     assert not recwarn.list
+
+
+def test_times_of_few_frames_tell_how_soon_a_pixel_sees_the_next_event():
+    t = np.repeat(np.arange(4) * 20_000, 5000)
+    x, y = (np.random.default_rng(0).integers(0, side, len(t)) for side in (120, 100))
+    assert repeat_of(x, y, t) == 20_000
 
 
 @pytest.mark.parametrize("kind", ["u4", "i4", "i8", "u8", "f8"])

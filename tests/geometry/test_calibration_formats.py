@@ -336,6 +336,8 @@ HD4 = Camera(1000.5, 1001.5, 640.25, 360.75, 720, 1280, BENT4)
         ({"mtx": MATRIX.tolist(), "dist": [BENT], "imageSize": [1280, 720]}, HD),
         (ROWS | {"dist": BENT, "image_size": SIZE}, HD),
         (ROWS | {"dist": BENT, "distortion_model": ""}, HD),
+        (ROWS | {"dist": BENT, "distances": [0.5, 1.0]}, HD),
+        (ROWS | {"distances": [0.5, 1.0]}, Camera(*NAMED.values(), 720, 1280)),
         (ROWS | {"dist": BENT4, "fisheye_model": "True"}, Camera(*NAMED.values(), 720, 1280, BENT4, "fisheye")),
         (
             NAMED | SIZE | {"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4, "distortion_model": "fisheye"},
@@ -358,7 +360,7 @@ def test_lenses_by_other_names_are_not_left_out(written, tree, expected):
         (ROWS | {"dist_coeff": BENT}, "its 'dist_coeff' is not understood"),
         (ROWS | {"distortionParams": {"a": 1}}, "its 'distortionParams' is not understood"),
         (ROWS | {"dist": BENT4, "distortion_model": "none"}, r"no lens \(none\), but 4 coefficients"),
-        (ROWS | {"distortion_model": "equidistant"}, "a equidistant lens without its coefficients"),
+        (ROWS | {"distortion_model": "equidistant"}, "its lens, equidistant, has no coefficients"),
         (NAMED | SIZE | {"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}, "without the name of their lens"),
         (NAMED | LENS4 | SIZE | {"k3": 0.1, "k4": 0.1, "k5": 0, "k6": 0}, "a radtan lens with 8 coefficients"),
         (NAMED | LENS4 | SIZE | {"cx": 1300}, r"centre 1300, 360\.75 is not on a sensor of 1280x720"),

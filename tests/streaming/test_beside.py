@@ -41,10 +41,10 @@ def test_a_run_finds_what_was_compiled_beside_it(tmp_path):
     assert not compiled & BESIDE
 
 
-@pytest.mark.parametrize(("kept", "cores"), [(True, 4), (False, 1), (False, None)])
+@pytest.mark.parametrize(("kept", "cores"), [(True, 4), (False, 1)])
 def test_nothing_starts_where_it_would_not_help(monkeypatch, kept, cores):
     monkeypatch.setattr(beside, "is_kept", lambda _: kept)
-    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    monkeypatch.setattr(beside, "cores", lambda: cores)
     monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a process was started"))
     with beside.compiled_beside():
         pass
@@ -53,7 +53,7 @@ def test_nothing_starts_where_it_would_not_help(monkeypatch, kept, cores):
 def test_the_second_process_ends_with_the_first(monkeypatch):
     processes, popen = [], subprocess.Popen
     monkeypatch.setattr(beside, "is_kept", lambda _: False)
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(beside, "cores", lambda: 2)
     monkeypatch.setattr(
         subprocess, "Popen", lambda *words, **how: processes.append(popen(*words, **how)) or processes[0]
     )
@@ -61,3 +61,28 @@ def test_the_second_process_ends_with_the_first(monkeypatch):
         assert processes[0].poll() is None
         raise KeyboardInterrupt
     assert processes[0].poll() is not None
+
+
+def test_a_run_goes_on_where_no_second_process_may_start(monkeypatch):
+    def refuse(*_, **__):
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr(beside, "is_kept", lambda _: False)
+    monkeypatch.setattr(beside, "cores", lambda: 2)
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    with beside.compiled_beside():
+        pass
+
+
+def test_programs_in_the_folder_of_a_run_are_not_started(monkeypatch, tmp_path):
+    (tmp_path / "numpy.py").write_text("open('started', 'w')\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(beside, "is_kept", lambda _: False)
+    monkeypatch.setattr(beside, "cores", lambda: 2)
+    commands, popen = [], subprocess.Popen
+    monkeypatch.setattr(subprocess, "Popen", lambda words, **how: commands.append(words) or popen([*words[:1], "-V"]))
+    with beside.compiled_beside():
+        pass
+    monkeypatch.undo()
+    subprocess.run([*commands[0][:-1], "evimo.events.events"], cwd=tmp_path, check=True)  # which imports NumPy, too
+    assert not (tmp_path / "started").exists()

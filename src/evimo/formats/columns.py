@@ -16,10 +16,11 @@ from evimo.formats.time_units import TimeUnit
 LETTERS = "txyp"
 NAMES = {
     "t": {"t", "ts", "time", "times", "timestamp", "timestamps"},
-    "x": {"x", "xs", "col", "column", "u", "posx", "xpos"},
-    "y": {"y", "ys", "row", "v", "posy", "ypos"},
+    "x": {"x", "xs", "col", "column", "posx", "xpos"},
+    "y": {"y", "ys", "row", "posy", "ypos"},
     "p": {"p", "ps", "pol", "polarity", "polarities", "on"},
 }
+ALSO = {"u": "x", "v": "y"}  # where no other name says x and y: beside them u and v are a flow
 BESIDE = {"event", "events", "ev", "pixel", "px", "pos", "position", "coord", "coordinate", "addr", "address", "sensor"}
 UNITS: dict[str, TimeUnit] = {
     **dict.fromkeys(("s", "sec", "secs", "seconds"), "s"),
@@ -47,19 +48,34 @@ def said_columns(columns: str) -> str:
     return letters
 
 
+def sized_columns(columns: str, width: int) -> str:
+    """Return the letters of `--columns` for so many columns, _ for those that are not said.
+
+    Raises:
+        BadInput: as `said_columns`, or there are fewer columns.
+    """
+    letters = said_columns(columns).ljust(width, "_")
+    if len(letters) > width:
+        raise BadInput(f"--columns {columns!r} names {len(letters)} columns, and there are {width}", fix=FIX)
+    return letters
+
+
 def named_columns(words: Sequence[str]) -> str | None:
     """Return the letters of columns by the words of a heading, _ for others; None if it does not name all four."""
     letters = ""
     for word in words:
-        plain = word.strip("\"'").lower()
-        name, of_time = re.sub(r"[\[(@].*", "", plain).strip(), UNIT.sub("", plain).strip()
-        found = next((each for each, names in NAMES.items() if _core(of_time if each == "t" else name) in names), "_")
+        found = next((each for each, names in NAMES.items() if _core(word, each) in names), "_")
         letters += "_" if found in letters else found
-    return letters if set(LETTERS) <= set(letters) else None
+    if not {"x", "y"} & set(letters):
+        others = [ALSO.get(_core(word, "x"), "_") for word in words]
+        letters = "".join(other if each == "_" else each for each, other in zip(letters, others, strict=True))
+    return letters if sorted(letters.replace("_", "")) == sorted(LETTERS) else None
 
 
-def _core(name: str) -> str:
-    """The word of a name that tells: x of x_coordinate."""
+def _core(word: str, letter: str) -> str:
+    """The part of a column's name that tells: x of x_coordinate and of x@346, t of t_us."""
+    plain = word.strip("\"'").lower()
+    name = UNIT.sub("", plain).strip() if letter == "t" else re.sub(r"[\[(@].*", "", plain).strip()
     return "_".join(word for word in re.split(r"[\s_.-]+", name) if word not in BESIDE)
 
 

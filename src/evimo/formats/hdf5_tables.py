@@ -14,9 +14,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, MissingExtra
-from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, said_columns
-from evimo.formats.sensors import NOWHERE
+from evimo.arguments import size_of
+from evimo.errors import BadFile, BadInput, MissingExtra
+from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, sized_columns
 
 ECF = 36559
 IN_PLUGIN = {32001: "blosc", 32026: "blosc2", 32004: "LZ4", 32008: "bitshuffle", 32015: "Zstandard", 307: "bzip2"}
@@ -125,7 +125,7 @@ def _of_array(path: Path, name: str, array: Any, said: str | None) -> EventTable
         return None
     parts = [array[at : at + SAMPLE_ROWS // 8] for at in np.linspace(0, len(array) - 1, 8).astype(int)]
     sample = np.concatenate(parts).astype(np.float64)
-    order = said_columns(said).ljust(array.shape[1], "_") if said else found_columns(path, sample)
+    order = sized_columns(said, array.shape[1]) if said else found_columns(path, sample)
     return EventTable(name, {letter: (array, order.index(letter)) for letter in LETTERS}, len(array))
 
 
@@ -191,9 +191,7 @@ def _size(path: Path, name: str, written: Any, rows_first: list[Any]) -> tuple[i
         BadFile: they are none.
     """
     try:
-        height, width = (int(side) for side in rows_first)
-    except (TypeError, ValueError, OverflowError):
-        height, width = 0, 0
-    if not 0 < min(height, width) <= max(height, width) < NOWHERE:
-        raise BadFile(f"{path.name}: its {name} {written!s} is no sensor size", fix="give it with --sensor WxH")
-    return height, width
+        return size_of(rows_first, name)
+    except BadInput as error:
+        text = f"{path.name}: its {name} {written!s} is no sensor size"
+        raise BadFile(text, fix="give it with --sensor WxH") from error

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
-from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, said_columns
+from evimo.formats.columns import LETTERS, check_lengths, found_columns, named_columns, sized_columns
 from evimo.formats.npz_members import Archive, ArrayHeader, Stream, skip
 
 BLOCK_ROWS = 1 << 16
@@ -68,7 +68,7 @@ class NpzRows:
                 fix="save it as (N, 4) numbers: t x y p",
             )
         if columns:
-            return said_columns(columns).ljust(header.shape[1], "_")
+            return sized_columns(columns, header.shape[1])
         self._order = "txyp".ljust(header.shape[1], "_")
         _, first = next(self._raw_first(header), (0, np.zeros((0, header.shape[1]))))
         return found_columns(self._archive.path, first[:5000]) if len(first) else self._order
@@ -125,8 +125,10 @@ def _length(path: Path, name: str, header: ArrayHeader) -> int:
     Raises:
         BadFile: it has several columns, or no numbers.
     """
-    shape, dtypes = header.shape, [header.dtype[name] for name in header.dtype.names or ()] or [header.dtype]
-    if any(dtype.kind not in NUMBERS for dtype in dtypes):
+    shape, fields = header.shape, header.dtype.names or ()
+    letters = named_columns(fields) or ""
+    used = [header.dtype[field] for field, letter in zip(fields, letters, strict=False) if letter != "_"]
+    if any(dtype.kind not in NUMBERS for dtype in used or [header.dtype]):
         raise BadFile(f"`{name}` in {path.name} is of {header.dtype}", fix="save numbers")
     if name != EVENTS and len(shape) > 1 and max(shape) < math.prod(shape):
         raise BadFile(

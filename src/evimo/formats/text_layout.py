@@ -33,7 +33,8 @@ NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|[-+]?inf|true|fa
 TRUTH = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 SIDES = r"(\d{2,5})\s*[,;x×\s]\s*(\d{2,5})"
 SIZES = (
-    rf"[#%].*?(?:geometry|resolution|size|sensor)\W*{SIDES}",
+    rf"[#%].*?geometry\W*{SIDES}",
+    rf"[#%](?!.*(?:pixel|window|block|packet).?size).*?(?:resolution|size|sensor)\W*{SIDES}",
     r".*?width\W*(\d+)\W*height\W*(\d+)",
     rf"\W*{SIDES}\W*$",
 )

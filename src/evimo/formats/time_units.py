@@ -55,8 +55,8 @@ class Times:
 
     @property
     def first(self) -> float:
-        """The time of an early event that is no outlier."""
-        return float(np.nanmedian(next(piece for piece in self.pieces if np.isfinite(piece).any())))
+        """The time of an early event that is no outlier; nan where there is none."""
+        return next((float(np.nanmedian(piece)) for piece in self.pieces if np.isfinite(piece).any()), math.nan)
 
     @property
     def count(self) -> int:
@@ -128,6 +128,8 @@ def _without_jumps(t: NDArray[np.float64]) -> NDArray[np.float64]:
     t = np.where(np.isfinite(t), t, np.nan)
     steps = np.nan_to_num(np.diff(t, prepend=t[:1]), nan=0.0)
     longest = np.sort(np.abs(steps))[: max(len(steps) - JUMPS, 0)].sum()
+    if longest == 0:  # few times in all, as of frames: each step is one between two of them
+        return t
     return t - np.cumsum(np.where(np.abs(steps) > longest, steps, 0.0))
 
 

@@ -87,7 +87,7 @@ class Described:
         except BadInput as error:
             raise BadFile(f"{where}: {error.problem}", fix=error.fix) from error
         if kind == "fisheye" and not distortion:
-            raise BadFile(f"{where}: a {lens} lens without its coefficients", fix="complete the file: k1 k2 k3 k4")
+            raise BadFile(f"{where}: its lens, {lens}, has no coefficients", fix="complete the file: k1 k2 k3 k4")
         matrix = pinhole(where, numbers(where, self.matrix))
         sensor = self.size or size
         if sensor is None:
@@ -238,7 +238,8 @@ def _coefficients(where: str, branch: Tree, lens: Any) -> Any:
 
 def _may_be_distortion(name: Any, value: Any) -> bool:
     known = (*DISTORTIONS, *MODELS)
-    return isinstance(value, list | dict) and str(name).lower().startswith("dist") and name not in known
+    is_named_so = re.match(r"dist(?!anc|rib)", str(name), re.IGNORECASE)  # as are distances to a board
+    return isinstance(value, list | dict) and bool(is_named_so) and name not in known
 
 
 def _size(path: Path, branch: Tree) -> Size | None:

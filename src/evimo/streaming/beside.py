@@ -4,11 +4,10 @@ What is compiled is kept (`evimo.compiling`), so that the first process finds it
 matters for the first run after an installation, which would else take half as long again until its first estimate.
 """
 
-import os
 import subprocess
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from evimo.events.direct_alignment import FEWEST, aligned
 from evimo.events.images import blurred
 from evimo.events.local_motion import motion_candidates
 from evimo.events.stack import SLICES, VOXELS, EventStack, StaticMotion
+from evimo.jobs.crew import cores
 
 SIDE, STEP = 64, 4  # px of a made-up image, and of it per pixel of its depth
 
@@ -24,17 +24,20 @@ SIDE, STEP = 64, 4  # px of a made-up image, and of it per pixel of its depth
 @contextmanager
 def compiled_beside() -> Generator[None]:
     """Have a second process compile while the `with` lasts, if nothing is compiled and there is a core for it."""
-    if is_kept(blurred) or (os.cpu_count() or 1) < 2:
+    if is_kept(blurred) or cores() < 2:
         yield
         return
     nothing = subprocess.DEVNULL
-    command = [sys.executable, "-m", "evimo.streaming.beside"]
-    process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
+    command = [sys.executable, "-P", "-m", "evimo.streaming.beside"]
+    process = None
+    with suppress(OSError):  # where no more processes are allowed, the first compiles all
+        process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
     try:
         yield
     finally:
-        process.kill()
-        process.wait()
+        if process is not None:
+            process.kill()
+            process.wait()
 
 
 def compile_passes() -> None:

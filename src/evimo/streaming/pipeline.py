@@ -112,9 +112,9 @@ def _loaded(camera: object, recording: EventFile) -> Camera | None:
     """The camera, or that of a calibration file."""
     if camera is None or isinstance(camera, Camera):
         return camera
-    if not isinstance(camera, str | Path):
+    if not isinstance(camera, str | PathLike):
         raise BadInput(f"a camera is given as a value of type {type(camera).__name__}", fix=CAMERA)
-    return load_camera(camera, size=recording.sensor, topic=recording.topic)
+    return load_camera(Path(camera), size=recording.sensor, topic=recording.topic)
 
 
 def _estimates(prepared: "Run") -> Iterator[Estimate]:
