@@ -108,3 +108,15 @@ def test_a_matrix_of_zeros_is_no_camera():
 def test_intrinsics_that_are_no_camera_are_ignored_with_a_warning(matrix):
     with pytest.warns(EvimoWarning, match="the intrinsics in K of a.npz are ignored"):
         assert found_camera(lambda: camera_of_matrix(matrix, (48, 64)), "K of a.npz") is None
+
+
+def test_most_events_outside_are_no_fault_of_a_part():
+    """A burst of wrong pixels fills the part that is read, not the recording."""
+    burst, others = packet(np.arange(300) % 20, x=200), packet(np.arange(20, 400))
+    made = recording(burst, packet([19]), others, stop=400)
+    with pytest.warns(EvimoWarning, match="300 events outside"):
+        assert sum(map(len, made.packets(0, 20))) == 1
+    with pytest.warns(EvimoWarning, match="300 events outside"):
+        assert sum(map(len, made)) == 381
+    with pytest.raises(BadFile, match="300 of 320 events lie outside"):
+        list(recording(burst, packet(np.arange(20, 40)), stop=40))

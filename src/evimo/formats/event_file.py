@@ -106,9 +106,10 @@ class EventFile:
             cut = packet.between(start, stop)
             if len(cut):
                 yield cut
-        self._report(faults, kept)
-        if (start, stop) == (self.start_us, self.stop_us):
-            refuse_standstill(self.path, kept, stop - start)
+        whole = (start, stop) == (self.start_us, self.stop_us)
+        self._report(faults, kept, whole=whole)
+        if whole:
+            refuse_strange_times(self.path, faults, kept, stop - start)
 
     def gyroscope(self) -> Gyroscope | None:
         """All samples of the gyroscope beside the sensor; None where the recording has none.
@@ -120,9 +121,9 @@ class EventFile:
         """
         return self.read_gyroscope()
 
-    def _report(self, faults: Faults, kept: int) -> None:
+    def _report(self, faults: Faults, kept: int, *, whole: bool) -> None:
         refuse_disorder(self.path, faults, kept)
-        if faults.outside > (max(kept, FEW) if kept else 0):
+        if faults.outside > (max(kept, FEW) if kept else 0) and (whole or not kept):
             beside = f"{faults.outside:,} of {faults.outside + kept:,} events lie outside"
             beside = beside if kept else f"none of {faults.outside:,} events lies on"
             raise BadFile(
@@ -137,15 +138,9 @@ def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
     """Refuse a recording whose order in time is lost.
 
     Raises:
-        BadFile: more than one event in twenty is late, most come after a reset of the clock, or a third are far off.
+        BadFile: more than one event in twenty is late, or most come after a reset of the clock.
     """
     whole = faults.late + faults.after_reset + kept
-    if 2 * faults.outlying > max(whole, 2 * FEW):
-        raise BadFile(
-            f"{path.name}: the times of {faults.outlying:,} of {whole + faults.outlying:,} events are far from those "
-            "around them",
-            fix="export it again: its events may be of several cameras, one after the other",
-        )
     if faults.late * LATE_SHARE <= whole and faults.after_reset <= kept:
         return
     lost, old = faults.late + faults.after_reset, f"more than {WINDOW_US // 1000} ms older than events before them"
@@ -155,15 +150,24 @@ def refuse_disorder(path: Path, faults: Faults, kept: int) -> None:
     )
 
 
-def refuse_standstill(path: Path, events: int, span_us: int) -> None:
-    """Refuse a recording whose times stand still, as seconds since 1970 do in float32.
+def refuse_strange_times(path: Path, faults: Faults, kept: int, span_us: int) -> None:
+    """Refuse a recording, all of which was read, whose times stand still or mostly lie apart from each other.
+
+    Seconds since 1970 stand still in float32. Of a part of a recording neither tells: a strange block may fill it.
 
     Raises:
-        BadFile: so many events in so short a span are those of no sensor.
+        BadFile: so many events in so short a span are those of no sensor, or a third are far from those around them.
     """
-    if events > MOST_PER_US * span_us:
+    whole = faults.late + faults.after_reset + kept
+    if 2 * faults.outlying > max(whole, 2 * FEW):
         raise BadFile(
-            f"{path.name}: its {events:,} events lie within {span_us} µs: their times stand still",
+            f"{path.name}: the times of {faults.outlying:,} of {whole + faults.outlying:,} events are far from those "
+            "around them",
+            fix="export it again: its events may be of several cameras, one after the other",
+        )
+    if kept > MOST_PER_US * span_us:
+        raise BadFile(
+            f"{path.name}: its {kept:,} events lie within {span_us} µs: their times stand still",
             fix="export it with all digits of its times, as whole µs or float64 seconds; or check --time-unit",
         )
 

@@ -14,7 +14,7 @@ from evimo.errors import BadFile
 from evimo.events.events import Events, no_events
 from evimo.formats.clock import Clock, Faults
 from evimo.formats.clock_rules import WINDOW_US
-from evimo.formats.event_file import refuse_disorder, refuse_standstill
+from evimo.formats.event_file import refuse_disorder, refuse_strange_times
 from evimo.formats.time_units import Times, TimeUnit, as_us, check_span, found_unit, step_of
 
 PIECES, PIECE_EVENTS = 128, 512
@@ -64,7 +64,7 @@ class StoredTimes:
             self.start_us, self.stop_us = self._ends(path)
         else:
             self.start_us, self.stop_us = self._surveyed(path)
-        refuse_standstill(path, count, self.stop_us - self.start_us)
+        refuse_strange_times(path, Faults(), count, self.stop_us - self.start_us)
         if said is None:
             check_span(path, events=count, span_us=self.stop_us - self.start_us, unit=self.unit)
 
@@ -121,6 +121,7 @@ class StoredTimes:
         refuse_disorder(path, faults, kept)
         if not kept:
             raise BadFile(f"{path.name}: none of its {self._count:,} times is one", fix="export the recording again")
+        refuse_strange_times(path, faults, kept, stop - start)
         return start, stop
 
 

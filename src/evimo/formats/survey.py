@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile
 from evimo.events.events import Events, no_events
 from evimo.formats.clock import Clock, Faults
-from evimo.formats.event_file import refuse_disorder, refuse_standstill
+from evimo.formats.event_file import refuse_disorder, refuse_strange_times
 
 Place = TypeVar("Place")
 LONG_AGO = int(np.iinfo(np.int64).min)
@@ -83,7 +83,7 @@ def surveyed(path: Path, blocks: Iterable[tuple[Place, Events]]) -> Survey[Place
     survey.reached_us = np.minimum.accumulate(np.array(reached, np.int64)[::-1])[::-1]
     if not survey.events:
         raise no_events_in(path)
-    refuse_standstill(path, survey.events, survey.stop_us - survey.start_us)
+    refuse_strange_times(path, faults, survey.events, survey.stop_us - survey.start_us)
     return survey
 
 
