@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.formats import aedat2, open_events
+from evimo.formats import aedat2, open_events, word_file
 
 FIRST_LINE = b"#!AER-DAT2.0\r\n# This is a raw AE data file - do not edit\r\n"
 CHIP = b"# AEChip: eu.seebetter.ini.chips.davis.DAVIS240C\r\n"
@@ -43,7 +43,7 @@ def write(path, *parts, head=FIRST_LINE + CHIP + RANGE):
 
 def test_what_was_written_is_read(tmp_path, events, rows, monkeypatch):
     for block in (1, 7, 1 << 17):
-        monkeypatch.setattr(aedat2, "BLOCK_BYTES", 8 * block)
+        monkeypatch.setattr(word_file, "BLOCK_BYTES", 8 * block)
         opened = open_events(write(tmp_path / "a.aedat", *records(events)))
         assert (opened.sensor, opened.start_us, opened.stop_us) == ((180, 240), events.t[0], events.t[-1] + 1)
         assert rows(opened) == rows([events])
@@ -62,7 +62,7 @@ def test_dvs128_is_known_by_its_short_addresses(tmp_path):
 
 @pytest.mark.parametrize("first_us", [2**31 - 100, 2**32 - 100])
 def test_times_go_on_where_their_bits_wrap(tmp_path, monkeypatch, first_us):
-    monkeypatch.setattr(aedat2, "BLOCK_BYTES", 24)
+    monkeypatch.setattr(word_file, "BLOCK_BYTES", 24)
     times = [first_us + 40 * k for k in range(8)]
     opened = open_events(write(tmp_path / "a.aedat", *(packed(davis(1, 2, 1), t) for t in times)))
     assert [t for packet in opened for t in packet.t.tolist()] == times
@@ -70,7 +70,8 @@ def test_times_go_on_where_their_bits_wrap(tmp_path, monkeypatch, first_us):
 
 
 def test_the_gyroscope_is_scaled_by_the_range_in_the_header(tmp_path, events, rows, monkeypatch):
-    monkeypatch.setattr(aedat2, "BLOCK_BYTES", 8 * 5)  # samples lie across blocks
+    for module in aedat2, word_file:
+        monkeypatch.setattr(module, "BLOCK_BYTES", 8 * 5)  # samples lie across blocks
     parts = records(events)
     samples = [(int(events.t[at]), (at, -at, 7)) for at in (100, 300, 500, 900)]
     for at, sample in zip((101, 302, 503, 904), samples, strict=True):

@@ -2,8 +2,9 @@
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,57 +13,43 @@ from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope, gyroscope_of
 from evimo.formats.aedat2_header import Header, header
-from evimo.formats.aedat2_words import RECORD_BYTES, Words, davis_events, dvs128_events, gyroscope_words, words
+from evimo.formats.aedat2_kernel import DAVIS, DVS128, RECORD_BYTES, decode_aedat2, gyroscope_values, others
+from evimo.formats.clock_rules import NO_TIME
 from evimo.formats.event_file import EventFile
 from evimo.formats.sensors import assumed_sensor
 from evimo.formats.survey import surveyed
+from evimo.formats.word_file import WordFile
 
-BLOCK_BYTES = RECORD_BYTES << 17
-
-Place = tuple[int, int]  # byte offset, and the time in µs reached there
-
-
-@dataclass(slots=True)
-class Tally:
-    """What one pass held besides events: samples of the gyroscope, of frames."""
-
-    gyroscope: int = 0
-    frames: int = 0
+BLOCK_BYTES = RECORD_BYTES << 16  # of the gyroscope's pass
+RECORD = np.dtype(("<u4", (2,)))  # big-endian, in truth: their bytes are turned where they are decoded
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
-    """A file, its header, and the (height, width) by which pixels are turned round; (0, 0) leaves them as stored."""
+class Records:
+    """The records of a file: where they begin, and whether they are a DAVIS's, else a DVS128's."""
 
     path: Path
-    header: Header
-    size: tuple[int, int] = (0, 0)
+    offset: int
+    davis: bool
 
-    def blocks(self, place: Place) -> Iterator[tuple[Place, Words]]:
-        """Records from a place on, in blocks, with their times continued over wraps."""
-        offset, reached = place
+    def events(self, size: tuple[int, int], counts: NDArray[np.int64] | None = None) -> WordFile:
+        """The polarity events, turned round by the (height, width); what else there is is added to `counts`."""
+
+        def decode(records: NDArray[np.uint32], state: NDArray[np.int64], final: bool) -> Any:
+            if self.davis and counts is not None:
+                others(records, counts)
+            return decode_aedat2(records, state, final, DAVIS if self.davis else DVS128, size)
+
+        return WordFile(self.path, self.offset, RECORD, decode)
+
+    def gyroscope(self) -> tuple[NDArray[np.int64], ...]:
+        """Times (M,) in µs, axes (M,) and values (M,) of the gyroscope."""
+        state, parts = np.full(1, NO_TIME), list[tuple[NDArray[np.int64], ...]]()
         with self.path.open("rb") as file:
-            file.seek(offset)
+            file.seek(self.offset)
             while raw := file.read(BLOCK_BYTES):
-                block = words(raw, reached)
-                yield (offset, reached), block
-                offset, reached = offset + len(raw), int(block.t[-1])
-
-    def events(self, place: Place, tally: Tally) -> Iterator[tuple[Place, Events]]:
-        """The events of each block; what else it holds is counted."""
-        for at, block in self.blocks(place):
-            if self.header.davis:
-                tally.gyroscope += block.gyroscope_samples()
-                tally.frames += block.frame_samples()
-                yield at, davis_events(block, self.size)
-            else:
-                yield at, dvs128_events(block, self.size)
-
-    def start(self) -> Place:
-        """Where records begin; the first time is taken as it is, without sign."""
-        with self.path.open("rb") as file:
-            file.seek(self.header.length)
-            return self.header.length, int.from_bytes(file.read(RECORD_BYTES)[4:], "big")
+                parts.append(gyroscope_values(np.frombuffer(raw, RECORD), state))
+        return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
 def open_aedat2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
@@ -77,49 +64,46 @@ def open_aedat2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
     top = header(path)
     if (path.stat().st_size - top.length) % RECORD_BYTES:
         raise BadFile(f"{path.name} ends inside a record: it was cut short", fix="copy or record it again")
-    tally = Tally()
-    recording = Recording(path, top, sensor or top.size or (0, 0))
-    survey = surveyed(path, recording.events(recording.start(), tally))
-    if not any(recording.size):
-        recording = replace(recording, size=assumed_sensor(path, survey.extent))
+    records, size, counts = Records(path, top.length, top.davis), sensor or top.size or (0, 0), np.zeros(2, np.int64)
+    survey = surveyed(path, records.events(size, counts).blocks((top.length, np.full(1, NO_TIME))))
+    size = size if any(size) else assumed_sensor(path, survey.extent)
+    events = records.events(size)
 
     def read(start_us: int) -> Iterator[Events]:
-        return (events for _, events in recording.events(survey.place(start_us), Tally()))
+        return (packet for _, packet in events.blocks(survey.place(start_us)))
 
     return EventFile(
         path=path,
         format=f"AEDAT 2.0 ({top.chip or ('DAVIS' if top.davis else 'DVS128')})",
-        sensor=recording.size,
+        sensor=size,
         start_us=survey.start_us,
         stop_us=survey.stop_us,
         read=read,
-        read_gyroscope=lambda: _gyroscope(recording),
-        contents=_contents(tally),
+        read_gyroscope=lambda: _gyroscope(records, top),
+        contents=_contents(*counts.tolist()),
     )
 
 
-def _contents(tally: Tally) -> dict[str, str]:
-    counts = {"IMU": f"{tally.gyroscope:,} samples", "frames": "pixel by pixel, not read"}
-    return {name: words for name, words in counts.items() if (tally.gyroscope if name == "IMU" else tally.frames)}
+def _contents(samples: int, pixels: int) -> dict[str, str]:
+    contents = {"IMU": f"{samples:,} samples"} if samples else {}
+    return contents | ({"frames": "pixel by pixel, not read"} if pixels else {})
 
 
-def _gyroscope(recording: Recording) -> Gyroscope | None:
+def _gyroscope(records: Records, top: Header) -> Gyroscope | None:
     """The gyroscope, scaled by the header's full scale, in its own axes; a sample of fewer than three axes is none."""
-    if not recording.header.davis:
+    if not records.davis:
         return None
-    parts = [gyroscope_words(block) for _, block in recording.blocks(recording.start())]
-    t_us, address = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
-    t_us, raw = _whole_samples(t_us, address)
-    if len(t_us) and recording.header.gyroscope_scale is None:
-        text = f"{recording.path.name} does not tell its gyroscope's range: ±1000 degrees/s are taken, jAER's default"
+    t_us, raw = _whole_samples(*records.gyroscope())
+    if len(t_us) and top.gyroscope_scale is None:
+        text = f"{records.path.name} does not tell its gyroscope's range: ±1000 degrees/s are taken, jAER's default"
         warnings.warn(text, EvimoWarning, stacklevel=4)
-    rate = np.radians(raw * ((recording.header.gyroscope_scale or 1000.0) / 32768))
-    return gyroscope_of(t_us, rate, in_camera_axes=False, source=f"IMU of {recording.header.chip or 'a DAVIS'}")
+    rate = np.radians(raw * ((top.gyroscope_scale or 1000.0) / 32768))
+    return gyroscope_of(t_us, rate, in_camera_axes=False, source=f"IMU of {top.chip or 'a DAVIS'}")
 
 
-def _whole_samples(t_us: NDArray[np.int64], address: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _whole_samples(
+    t_us: NDArray[np.int64], axis: NDArray[np.int64], value: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Times (N,) and raw values (N, 3) of the samples whose x, y and z follow each other."""
-    axis = (address >> 28) & 7
-    value = ((address >> 12) & 0xFFFF).astype(np.uint16).view(np.int16).astype(np.int64)
-    x = np.flatnonzero((axis[:-2] == 4) & (axis[1:-1] == 5) & (axis[2:] == 6)) if len(axis) > 2 else np.zeros(0, int)
+    x = np.flatnonzero((axis[:-2] == 0) & (axis[1:-1] == 1) & (axis[2:] == 2)) if len(axis) > 2 else np.zeros(0, int)
     return t_us[x], np.stack([value[x], value[x + 1], value[x + 2]], axis=1)
