@@ -8,14 +8,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.aedat4_gyroscope import packet_gyroscope
-from evimo.formats.aedat4_packets import Head, PacketTable, head, packet_events, packet_table, walked
+from evimo.formats.aedat4_packets import Head, PacketTable, head, packet_records, packet_table, walked
 from evimo.formats.event_file import EventFile
+from evimo.formats.event_record_kernel import decode_aedat4
 from evimo.formats.survey import Survey, no_events_in, surveyed
 
+TOGETHER = 1 << 16  # events
 STREAMS = {"FRME": "frames", "IMUS": "IMU", "TRIG": "triggers", "POSE": "poses", "BBOX": "boxes", "TKPS": "key points"}
 
 
@@ -32,14 +35,16 @@ def open_aedat4(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
     table = packet_table(path, top)
     stream = _event_stream(path, top, table)
     if table is None:
-        survey = surveyed(path, _events(path, top, (at for at, name in _walk(path, top) if name == stream)))
+        survey = surveyed(path, _events(path, top, _walk(path, top, stream, top.first_packet)))
         text = f"{path.name} is cut short: its first {survey.events:,} events are readable and used"
         warnings.warn(text, EvimoWarning, stacklevel=3)
     else:
         survey = _indexed(path, table.of(stream))
 
     def read(start_us: int) -> Iterator[Events]:
-        return (events for _, events in _events(path, top, iter(survey.places[survey.block(start_us) :])))
+        first = survey.block(start_us)
+        walk = _walk(path, top, stream, survey.places[first]) if table is None else iter(survey.places[first:])
+        return (events for _, events in _events(path, top, walk))
 
     return EventFile(
         path=path,
@@ -53,8 +58,9 @@ def open_aedat4(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
     )
 
 
-def _walk(path: Path, top: Head) -> Iterator[tuple[int, int]]:
-    return walked(path, top.first_packet, path.stat().st_size)
+def _walk(path: Path, top: Head, stream: int, first: int) -> Iterator[int]:
+    """Byte offset of each whole packet of a stream, from that at a byte offset on."""
+    return (at for at, name in walked(path, first, path.stat().st_size) if name == stream)
 
 
 def _event_stream(path: Path, top: Head, table: PacketTable | None) -> int:
@@ -80,16 +86,50 @@ def _indexed(path: Path, table: PacketTable) -> Survey[int]:
 
 
 def _events(path: Path, top: Head, offsets: Iterator[int]) -> Iterator[tuple[int, Events]]:
-    damaged = 0
-    with path.open("rb") as file:
+    """Events of many packets together, and where the first of these packets begins."""
+    damaged, together = 0, Together()
+    with path.open("rb", buffering=0) as file:
         for offset in offsets:
             try:
-                yield offset, packet_events(file, offset, top.compression)
+                records = packet_records(file, offset, top.compression)
             except ValueError:
                 damaged += 1
+                continue
+            if not together.takes(records):
+                yield together.first, together.events()
+                together = Together(len(records))
+            together.add(offset, records)
+    if len(together):
+        yield together.first, together.events()
     if damaged:
         text = f"{path.name}: {damaged:,} packets of events are damaged and left out"
         warnings.warn(text, EvimoWarning, stacklevel=4)
+
+
+class Together:
+    """Events of packets that follow each other: one packet alone is too short to be judged fast."""
+
+    def __init__(self, least: int = 0) -> None:
+        most = max(TOGETHER, least)
+        self._columns = tuple(np.empty(most, kind) for kind in ("u2", "u2", "i8", "i1"))
+        self._most, self._count, self.first = most, 0, 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def takes(self, records: NDArray[np.uint64]) -> bool:
+        """Whether there is room for these, or none are there yet."""
+        return self._count + len(records) <= self._most
+
+    def add(self, offset: int, records: NDArray[np.uint64]) -> None:
+        """Take in the records (N, 2) of the packet at a byte offset."""
+        self.first = self.first if self._count else offset
+        decode_aedat4(records, self._columns, self._count)
+        self._count += len(records)
+
+    def events(self) -> Events:
+        """All of them."""
+        return Events(*(column[: self._count] for column in self._columns))
 
 
 def _contents(top: Head, table: PacketTable | None) -> dict[str, str]:

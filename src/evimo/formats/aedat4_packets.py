@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
-from evimo.events.events import Events
-from evimo.formats.event_record_kernel import decode_aedat4
 from evimo.formats.zstandard import zstd
 
 EVENT_BYTES = 16
 FIRST_LINE_BYTES = 14
+LIKELY_BYTES = 1 << 20  # of a packet: as large a piece of memory need not grow while it is filled
 GYROSCOPE_FIELDS = (5, 6, 7)  # of a sample: after its time, temperature and three accelerations
 
 
@@ -110,8 +109,8 @@ def walked(path: Path, first: int, last: int) -> Iterator[tuple[int, int]]:
             at += 8 + size
 
 
-def packet_events(file: IO[bytes], offset: int, compression: int) -> Events:
-    """The events of the packet at a byte offset.
+def packet_records(file: IO[bytes], offset: int, compression: int) -> NDArray[np.uint64]:
+    """The events (N, 2) u8 of the packet at a byte offset, as they are stored.
 
     Raises:
         ValueError: the packet is damaged.
@@ -122,7 +121,7 @@ def packet_events(file: IO[bytes], offset: int, compression: int) -> Events:
         stored = np.frombuffer(raw, np.uint8, count * EVENT_BYTES, vector)
     except struct.error as error:
         raise ValueError("not a packet of events") from error
-    return Events(*decode_aedat4(np.require(stored.view("<u8"), requirements="A").reshape(-1, 2)))
+    return np.require(stored.view("<u8"), requirements="A").reshape(-1, 2)
 
 
 def packet_rates(file: IO[bytes], offset: int, compression: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -153,7 +152,9 @@ def unpacked(raw: bytes, compression: int) -> bytes:
     """
     try:
         if compression in (1, 2):
-            return lz4.frame.decompress(raw)
+            context = lz4.frame.create_decompression_context()
+            packet, _, whole = lz4.frame.decompress_chunk(context, raw, max_length=LIKELY_BYTES)
+            return packet if whole else lz4.frame.decompress(raw)
         if compression in (3, 4):
             return zstd().decompress(raw)
     except Exception as error:  # each library has its own

@@ -45,16 +45,16 @@ def decode_dat(records, state, final, bits):
 
 
 @njit(nogil=True)
-def decode_aedat4(records):
-    """AEDAT 4 events (N, 2) u8: the time in µs, then from the lowest bits on column and row, and a byte of polarity."""
-    count = len(records)
-    x, y = np.empty(count, np.uint16), np.empty(count, np.uint16)
-    t, p = np.empty(count, np.int64), np.empty(count, np.int8)
-    for at in range(count):
-        packed = records[at, 1]
-        x[at], y[at], t[at] = packed, packed >> np.uint64(16), records[at, 0]
-        p[at] = 2 * np.int8(np.uint8(packed >> np.uint64(32)) != 0) - 1
-    return x, y, t, p
+def decode_aedat4(records, columns, first):
+    """AEDAT 4 events (N, 2) u8 into columns x y t p from number `first` on.
+
+    A record has the time in µs, then from the lowest bits on column and row, and a byte of polarity.
+    """
+    x, y, t, p = columns
+    for at in range(len(records)):
+        packed, place = records[at, 1], first + at
+        x[place], y[place], t[place] = packed, packed >> np.uint64(16), records[at, 0]
+        p[place] = 2 * np.int8(np.uint8(packed >> np.uint64(32)) != 0) - 1
 
 
 @njit(nogil=True)

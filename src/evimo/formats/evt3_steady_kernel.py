@@ -20,6 +20,7 @@ for kind, place in (ROW, ROW_AT), (BASE, BASE_AT), (TIME_LOW, LOW_AT):
 VALUE, KIND_AT, ONE, TWO, TWELVE = (np.uint64(number) for number in (0xFFF, 12, 1, 2, 12))
 LOWEST_BIT = np.array([(bits & -bits).bit_length() - 1 for bits in range(1 << 12)], np.int8)
 POLARITY_AT, PIXEL, COORDINATE = np.uint64(11), np.uint64(0x7FF), np.uint16(0x7FF)
+BELOW_LOW = (ONE << LOW_AT) - ONE
 LARGEST_BASE = 2047 - VECTOR_PIXELS  # from which a vector stays within 11 bits
 
 
@@ -27,8 +28,8 @@ LARGEST_BASE = 2047 - VECTOR_PIXELS  # from which a vector stays within 11 bits
 def with_vectors(words):
     """Whether vectors are among words."""
     vectors = np.uint16(0)
-    for word in words:
-        vectors |= np.uint16(word >> np.uint16(13) == np.uint16(2))
+    for at in range(len(words)):
+        vectors += np.uint16(words[at] >> np.uint16(13) == np.uint16(2))
     return vectors != 0
 
 
@@ -61,24 +62,24 @@ def gathered(words, known, events):
     """What is known at each event of words without vectors, how many there are, what is known after the last word, and
     a number that is negative where a lower TIME LOW follows a higher one.
     """
-    count, back, low = np.uint64(0), np.int64(0), np.int64(known >> LOW_AT)
-    for short in words:
-        word = np.uint64(short)
-        kind, before = word >> KIND_AT, low
+    count, back, time = np.uint64(0), np.uint64(0), known | BELOW_LOW
+    for at in range(len(words)):
+        word, before = np.uint64(words[at]), time
+        kind = word >> KIND_AT
         known = known & OTHERS_OF[kind] | word << PLACE_OF[kind]
-        low = np.int64(known >> LOW_AT)
-        back |= low - before
+        time = known | BELOW_LOW
+        back |= time - before
         events[count] = np.int64(known)
         count += np.uint64(kind == COLUMN)
-    return np.int64(count), known, back
+    return np.int64(count), known, np.int64(back)
 
 
 @njit(nogil=True)
 def gathered_vectors(words, known, events):
     """As `gathered`, with vectors; negative, too, where one may leave the 11 bits of columns."""
     count, back = np.uint64(0), np.int64(0)
-    for short in words:
-        word = np.uint64(short)
+    for at in range(len(words)):
+        word = np.uint64(words[at])
         kind, value = word >> KIND_AT, word & VALUE
         if kind >> ONE == TWO:
             base = known >> BASE_AT & VALUE

@@ -11,7 +11,7 @@ import numpy as np
 from evimo.compiling import njit
 
 UNKNOWN, LOST, UNDECIDED = -1, -2, -3
-PART = 64  # words that are searched at a time
+PART = 128  # words that are searched at a time
 NEXT, MANY = 4, 8  # so many words after it speak for or against a step; of sparse recordings, more are asked
 STEADY = 16  # after so many small steps a last long one, which nothing follows, is not believed
 
@@ -26,20 +26,34 @@ def clock_words(words, shift, high):
 
     All three are of one type: numbers as short as the words are compared many at a time.
     """
-    number_of = np.zeros(len(words) // PART + 1, np.int64)  # in each part
+    one_of, kind = words.dtype.type, words.dtype.type(high)
+    number_of, places_of = np.empty(len(words) // PART + 1, np.uint16), np.empty(len(words) // PART + 1, np.uint16)
     for part in range(len(number_of)):
-        some, here = words[PART * part : PART * (part + 1)], words.dtype.type(0)
+        some, number, places = words[PART * part : PART * (part + 1)], one_of(0), one_of(0)
         for at in range(len(some)):
-            here += words.dtype.type(some[at] >> shift == high)
-        number_of[part] = here
+            here = one_of(some[at] >> shift == kind)
+            number += here
+            places += here * one_of(at)
+        number_of[part], places_of[part] = number, places
+    return placed(words, shift, high, number_of, places_of)
+
+
+@njit(nogil=True)
+def placed(words, shift, high, number_of, places_of):
+    """Values and places of the words, from how many each part holds and the sum of their places in it."""
     count, mask = number_of.sum(), (1 << shift) - 1
     values, places, number = np.empty(count, np.int64), np.empty(count, np.int64), 0
     for part in range(len(number_of)):
-        if number_of[part] > 0:
+        if number_of[part] == 1:
+            places[number] = PART * part + places_of[part]
+            number += 1
+        elif number_of[part] > 0:
             for at in range(PART * part, min(PART * (part + 1), len(words))):
                 if words[at] >> shift == high:
-                    values[number], places[number] = words[at] & mask, at
+                    places[number] = at
                     number += 1
+    for number in range(count):
+        values[number] = words[places[number]] & mask
     return values, places
 
 

@@ -19,7 +19,6 @@ from evimo.formats.survey import surveyed
 
 BLOCK_BYTES = 1 << 19  # of the fastest
 LONGEST_BYTES = 1 << 26  # no more is held back for what follows
-REUSED_BYTES = 1 << 24
 
 Place = tuple[int, NDArray[np.int64]]  # byte offset, and the decoder's state there
 # A compiled decoder of items: x, y, t, p, the number of items used, the events lost. Items that it leaves are given
@@ -44,9 +43,6 @@ class WordFile:
         """The events of each block from a place on, and where the block begins."""
         offset, state = place[0], place[1].copy()
         size, buffer, held = self.item.itemsize, bytearray(BLOCK_BYTES + self.item.itemsize), 0
-        # The C library gives memory as large as this back, and asks for it anew, page by page, with every block; once
-        # some of a size was given back it keeps smaller pieces.
-        np.empty(REUSED_BYTES, np.uint8)
         with self.path.open("rb", buffering=0) as file:
             file.seek(offset)
             while True:
