@@ -1,7 +1,8 @@
 """What bags of ROS 1 and ROS 2 have in common: connections, and messages in the order in which they were recorded."""
 
 import struct
-from collections.abc import Container, Iterator, Set
+from collections.abc import Callable, Container, Iterator, Set
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -97,19 +98,17 @@ class MessageFields:
 
     def numbers(self, form: str) -> tuple[Any, ...]:
         """Numbers of one type, as in "3d"."""
-        if self._cdr:
-            size = struct.calcsize("<" + form[-1])
-            self._at += -(self._at - 4) % size
-        found = struct.unpack_from("<" + form, self._payload, self._at)
-        self._at += struct.calcsize("<" + form)
-        return found
+        unpack, size, step = _layout(form)
+        at = self._at - (self._at - 4) % -step if self._cdr else self._at
+        self._at = at + size
+        return unpack(self._payload, at)
 
     def stamp_ns(self) -> int:
         """The time in the header that begins a message; its other fields are skipped."""
         if not self._cdr:
             self.numbers("I")  # a counter
         seconds, nanoseconds = self.numbers("2I")
-        self.text()
+        self.block()
         return seconds * SECOND_NS + nanoseconds
 
     def text(self) -> str:
@@ -127,3 +126,10 @@ class MessageFields:
     def rest(self) -> memoryview:
         """All that follows, not copied."""
         return self._payload[self._at :]
+
+
+@cache
+def _layout(form: str) -> tuple[Callable[..., tuple[Any, ...]], int, int]:
+    """What unpacks numbers of one type, the size of all of them in bytes, and of one."""
+    layout = struct.Struct("<" + form)
+    return layout.unpack_from, layout.size, struct.calcsize("<" + form[-1])

@@ -44,8 +44,8 @@ NONE_YET, GOOD, BAD = 0, 1, 2  # what the last TIME HIGH was
 # highest value since the last TIME HIGH and the one before that, what that was, and where pixels and polarity are.
 LOW, TOP, BEFORE, SOUND, ROW, BASE, POLARITY, STATE_SIZE = (CLOCK_STATE + at for at in range(8))
 # Of one block: events that are kept and lost, how many were kept when the lower bits last changed, how many TIME HIGH
-# words there were, and the upper bits of the time.
-COUNT, GONE, MARK, NUMBER, UPPER, TALLY_SIZE = range(6)
+# words there were, the upper bits of the time, and whether there are vectors anywhere.
+COUNT, GONE, MARK, NUMBER, UPPER, VECTORS, TALLY_SIZE = range(7)
 
 
 @njit(nogil=True)
@@ -104,14 +104,15 @@ def decode_evt3(words, state, final):
     The words that were not used must be given again, before those that follow; where none follow, `final` says so.
     Within one TIME HIGH the lower bits only grow: those followed by lower ones, or lower than those before, are lost.
     """
-    most = most_events(words)
+    vectors = with_vectors(words)
+    most = most_events(words) if vectors else len(words)
     values, places = clock_words(words, SHIFT, HIGH)
     clocks = believed_clocks(values, state, BITS, NEAR, final)
     stop = len(words) if final else settled(words, clocks, places)
     x, y = np.empty(most + 1, np.uint16), np.empty(most + 1, np.uint16)
     t, p = np.empty(most + 1, np.int64), np.empty(most + 1, np.int8)
     tally = np.zeros(TALLY_SIZE, np.int64)
-    tally[UPPER] = state[CLOCK] << BITS
+    tally[UPPER], tally[VECTORS] = state[CLOCK] << BITS, vectors
     decode_stretches(words, stop, (clocks, places), state, tally, (x, y, t, p))
     if 0 < stop < len(words) and not final and words[stop] & 0xFFF < state[TOP]:
         low = lower(np.int64(words[stop] & 0xFFF), next_low(words, stop), state[TOP], state[BEFORE])
@@ -177,7 +178,7 @@ def decode_usual(words, state, tally, columns):
     known = at_first(state[LOW], state[BASE], state[POLARITY], state[ROW])
     x, y, t, p = columns
     first = tally[COUNT]
-    if with_vectors(words):
+    if tally[VECTORS] and with_vectors(words):
         count, known, back = gathered_vectors(words, known, t[first:])
     else:
         count, known, back = gathered(words, known, t[first:])

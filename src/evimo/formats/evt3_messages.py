@@ -11,6 +11,7 @@ TOGETHER = 1 << 18  # words that are decoded at once: a message alone is too sho
 LONGEST_WORDS = 1 << 22  # no more wait for what follows
 HALF = 1 << 11  # of the rounds of a TIME HIGH
 PAUSE_US = 1 << 22  # half the time after which the sensor's clock, as a number, is ambiguous
+NOTHING = marred([no_events()])
 
 
 class Evt3Messages:
@@ -18,8 +19,8 @@ class Evt3Messages:
 
     def __init__(self) -> None:
         self._state: NDArray[np.int64] | None = None
-        self._waiting: list[NDArray[np.uint16]] = []
-        self._new = 0  # of them, words that were not looked at yet
+        self._waiting = np.empty(2 * TOGETHER, np.uint16)
+        self._count, self._new = 0, 0  # words that wait, and how many of them were not looked at yet
         self._expected_us = 0
 
     def __call__(self, words: NDArray[np.uint16], expected_us: int) -> MarredEvents:
@@ -32,25 +33,28 @@ class Evt3Messages:
             state[CLOCK] += pause_us >> BITS
         self._state = state
         self._expected_us = expected_us
-        self._waiting.append(words.copy())  # or all that is packed together with a message would wait in memory
-        self._new += len(words)
-        now = self._decoded(state, final=False) if self._new >= TOGETHER else _nothing()
+        self._keep(words)
+        now = self._decoded(state, final=False) if self._new >= TOGETHER else NOTHING
         return now if before is None else marred([before, now])
 
     def rest(self) -> MarredEvents:
         """The events of words that still wait, because no others follow."""
-        return _nothing() if self._state is None else self._decoded(self._state, final=True)
+        return NOTHING if self._state is None else self._decoded(self._state, final=True)
+
+    def _keep(self, words: NDArray[np.uint16]) -> None:
+        """Copy them behind those that wait, or all that is packed together with a message would wait in memory."""
+        count = self._count + len(words)
+        if count > len(self._waiting):
+            self._waiting = np.concatenate([self._waiting, np.empty(count, np.uint16)])
+        self._waiting[self._count : count] = words
+        self._count, self._new = count, self._new + len(words)
 
     def _decoded(self, state: NDArray[np.int64], *, final: bool) -> MarredEvents:
-        words = np.concatenate(self._waiting or [np.zeros(0, np.uint16)])
+        words = self._waiting[: self._count]
         x, y, t, p, used, lost = decode_evt3(words, state, final or len(words) > LONGEST_WORDS)
-        self._waiting, self._new = [words[used:]], 0
+        self._count, self._new = len(words) - used, 0
+        self._waiting[: self._count] = words[used:]
         return MarredEvents(x, y, t, p, lost=lost)
-
-
-def _nothing() -> MarredEvents:
-    nothing = no_events()
-    return MarredEvents(nothing.x, nothing.y, nothing.t, nothing.p)
 
 
 def _length_us(words: NDArray[np.uint16]) -> int:

@@ -14,23 +14,25 @@ from evimo.compiling import njit
 TOGETHER, VECTOR_PIXELS = 2048, 12  # words that are decoded at once, pixels of a vector
 ROW, COLUMN, BASE, TIME_LOW = 0, 2, 3, 6  # kinds of words
 ROW_AT, BASE_AT, LOW_AT = (np.uint64(place) for place in (16, 32, 48))  # the column is at 0
-PLACE_OF, OTHERS_OF = np.zeros(16, np.uint64), np.full(16, ~np.uint64(0xFFFF), np.uint64)
-for kind, place in (ROW, ROW_AT), (BASE, BASE_AT), (TIME_LOW, LOW_AT):
-    PLACE_OF[kind], OTHERS_OF[kind] = place, ~(np.uint64(0xFFFF) << place)
+PLACE_OF = np.zeros(16, np.uint64)
+PLACE_OF[[ROW, BASE, TIME_LOW]] = ROW_AT, BASE_AT, LOW_AT
 VALUE, KIND_AT, ONE, TWO, TWELVE = (np.uint64(number) for number in (0xFFF, 12, 1, 2, 12))
 LOWEST_BIT = np.array([(bits & -bits).bit_length() - 1 for bits in range(1 << 12)], np.int8)
 POLARITY_AT, PIXEL, COORDINATE = np.uint64(11), np.uint64(0x7FF), np.uint16(0x7FF)
-BELOW_LOW = (ONE << LOW_AT) - ONE
+SHORT, BELOW_LOW = np.uint64(0xFFFF), (ONE << LOW_AT) - ONE
 LARGEST_BASE = 2047 - VECTOR_PIXELS  # from which a vector stays within 11 bits
 
 
 @njit(nogil=True)
 def with_vectors(words):
     """Whether vectors are among words."""
-    vectors = np.uint16(0)
-    for at in range(len(words)):
-        vectors += np.uint16(words[at] >> np.uint16(13) == np.uint16(2))
-    return vectors != 0
+    for first in range(0, len(words), TOGETHER):
+        some, vectors = words[first : first + TOGETHER], np.uint16(0)
+        for at in range(len(some)):
+            vectors += np.uint16(some[at] >> np.uint16(13) == np.uint16(2))
+        if vectors > 0:
+            return True
+    return False
 
 
 @njit(nogil=True)
@@ -62,15 +64,14 @@ def gathered(words, known, events):
     """What is known at each event of words without vectors, how many there are, what is known after the last word, and
     a number that is negative where a lower TIME LOW follows a higher one.
     """
-    count, back, time = np.uint64(0), np.uint64(0), known | BELOW_LOW
+    count, back = np.uint64(0), np.uint64(0)
     for at in range(len(words)):
-        word, before = np.uint64(words[at]), time
-        kind = word >> KIND_AT
-        known = known & OTHERS_OF[kind] | word << PLACE_OF[kind]
-        time = known | BELOW_LOW
-        back |= time - before
+        word, before = np.uint64(words[at]), known
+        place = PLACE_OF[word >> KIND_AT]
+        known = known & ~(SHORT << place) | word << place
+        back |= (known | BELOW_LOW) - before
         events[count] = np.int64(known)
-        count += np.uint64(kind == COLUMN)
+        count += np.uint64(word >> KIND_AT == COLUMN)
     return np.int64(count), known, np.int64(back)
 
 
@@ -83,15 +84,16 @@ def gathered_vectors(words, known, events):
         kind, value = word >> KIND_AT, word & VALUE
         if kind >> ONE == TWO:
             base = known >> BASE_AT & VALUE
-            first = known & OTHERS_OF[COLUMN] | base
+            first = known & ~SHORT | base
             back |= np.int64(LARGEST_BASE) - np.int64(base & PIXEL)
             while value != 0:
                 events[count] = np.int64(first + np.uint64(LOWEST_BIT[value]))
                 count, value = count + ONE, value & (value - ONE)
             known += (TWELVE - ((kind & ONE) << TWO)) << BASE_AT
         else:
-            before, known = known, known & OTHERS_OF[kind] | word << PLACE_OF[kind]
-            back |= np.int64(known >> LOW_AT) - np.int64(before >> LOW_AT)
+            before, place = known, PLACE_OF[kind]
+            known = known & ~(SHORT << place) | word << place
+            back |= np.int64((known | BELOW_LOW) - before)
             events[count] = np.int64(known)
             count += np.uint64(kind == COLUMN)
     return np.int64(count), known, back
