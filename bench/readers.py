@@ -3,8 +3,9 @@
 Prints a table of million events per second: to open (the first pass, where a format needs one), to read all, and to
 read all by the clock on the wall; the fastest reader of others that is installed (`public_readers.py`); and two plain
 reads of the same bytes from the page cache, by the events that they hold, with the share of each that reading reaches.
-*Whole* is `open(FILE, "rb").read()`, into memory that is new each time, as `np.fromfile` does it; *in blocks* is
+*Whole* is into memory that the system gives anew each time, as `open(FILE, "rb").read()` does it; *in blocks* is
 `readinto` of one buffer as large as a block of the RAW reader's, again and again, so that nothing reaches memory.
+For packed formats follows what their library takes to unpack them, with nothing decoded (`unpacking.py`).
 Best of several by processor time of this one process, after a warm-up. FORMATS are beginnings of names, separated by
 semicolons. The last line is what writing the decoded columns alone takes, which no reader can do without.
 """
@@ -24,6 +25,7 @@ import numpy as np
 from bag_files import write_bag1, write_bag2
 from public_readers import readers_of
 from reader_files import write_aedat2, write_aedat3, write_dat, write_evt2, write_evt3, write_evt21
+from unpacking import unpacking_of
 
 from evimo.errors import EvimoWarning
 from evimo.events.events import Events
@@ -229,7 +231,7 @@ def main() -> None:
     warnings.simplefilter("ignore", EvimoWarning)
     events, millions = made_up(count), count * 1e-6
     heads = ("format", "bytes per event", "open", "read", "by the wall", "fastest of others", "plain, whole", "share")
-    print(f"| {' | '.join((*heads, 'plain, in blocks', 'share'))} |\n|---|{'---:|' * 9}")
+    print(f"| {' | '.join((*heads, 'plain, in blocks', 'share', 'unpacked', 'share'))} |\n|---|{'---:|' * 11}")
     for name, write in FORMATS.items():
         if not name.startswith(wanted):
             continue
@@ -239,8 +241,11 @@ def main() -> None:
             opening, reading = took(partial(open_events, path)), read_by_us(path, count)
             at_once, blocks = took(partial(whole, path)), took(partial(in_blocks, path))
             others = fastest_public(name, path, count)
+            unpack = unpacking_of(name)
+            unpacking = took(partial(unpack, path)) if unpack else None
         ours = f"{millions / opening.cpu:,.0f} | {millions / reading.cpu:.0f} | {millions / reading.wall:.0f}"
-        plain = (f"{millions / each.cpu:,.0f} | {each.cpu / reading.cpu:.0%}" for each in (at_once, blocks))
+        floors = (at_once, blocks, unpacking)
+        plain = (f"{millions / each.cpu:,.0f} | {each.cpu / reading.cpu:.0%}" if each else "– | –" for each in floors)
         print(f"| {name} | {size / count:.1f} | {ours} | {others} | {' | '.join(plain)} |", flush=True)
     floor = took(partial(written, count))
     print(f"\nwriting the columns: {millions / floor.cpu:,.0f}, by the wall {millions / floor.wall:,.0f}")

@@ -1,21 +1,31 @@
 """Event messages of ROS 1 and ROS 2 to events: dvs_msgs/EventArray and event_camera_msgs/EventPacket."""
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evimo.errors import BadFile
 from evimo.events.events import Events, no_events
 from evimo.formats.bag_messages import MessageFields
-from evimo.formats.event_message_kernel import decode_dvs_msgs, decode_libcaer, decode_mono
+from evimo.formats.event_message_kernel import (
+    CDR_EVENT,
+    CDR_SOONER,
+    CDR_STEP,
+    EVENT,
+    LIBCAER,
+    MONO,
+    decode_dvs_msgs,
+    decode_libcaer,
+    decode_mono,
+)
 from evimo.formats.evt3_messages import Evt3Messages
 from evimo.formats.libcaer_cmp_kernel import decode_libcaer_cmp
 
 ARRAYS = ("dvs_msgs/EventArray", "prophesee_event_msgs/EventArray")
 PACKETS = ("event_camera_msgs/EventPacket", "event_array_msgs/EventArray")
 ENCODINGS = ("evt3", "mono", "libcaer", "libcaer_cmp")
-ITEM = 13  # bytes of an event of an array; CDR aligns its times, and so begins one every 16 bytes
-CDR_ITEM = 16
+WORD = np.dtype("<u2")
 
 
 class Decoder(Protocol):
@@ -63,10 +73,15 @@ class ArrayDecoder:
         fields = MessageFields(payload, cdr=self._cdr)
         fields.stamp_ns()
         _, _, count = fields.numbers("3I")
-        raw, item = fields.rest(), CDR_ITEM if self._cdr else ITEM
-        if count and (count - 1) * item + ITEM > len(raw):
+        raw, item = fields.rest(), CDR_STEP if self._cdr else EVENT.itemsize
+        if count and (count - 1) * item + EVENT.itemsize > len(raw):
             raise ValueError(f"it ends before its {count} events do")
-        return Events(*decode_dvs_msgs(np.frombuffer(raw, np.uint8), count, item))
+        if not self._cdr or not count:
+            return Events(*decode_dvs_msgs(np.frombuffer(raw, EVENT, count)))
+        first = len(payload) - len(raw) - CDR_SOONER  # there is more before: the number of events
+        events = Events(*decode_dvs_msgs(np.ndarray(count, CDR_EVENT, payload, first, CDR_STEP)))
+        events.x[0], events.y[0] = np.frombuffer(raw, np.uint16, 2)
+        return events
 
     def rest(self) -> Events:
         """None ever wait."""
@@ -94,15 +109,14 @@ class PacketDecoder:
     def decoded(self, message: EventPacket, expected_us: int = 0) -> Events:
         """The events of a message that is taken apart already."""
         if message.encoding in ("evt3", "libcaer_cmp"):
-            words = np.frombuffer(message.events[: len(message.events) // 2 * 2], "<u2")
+            words = _records(message.events, WORD)
             if message.encoding == "libcaer_cmp":
                 return Events(*decode_libcaer_cmp(words, message.base_ns))
             return self._evt3(words, expected_us)
-        raw = np.frombuffer(message.events, np.uint8)
         if message.encoding == "mono":
-            return Events(*decode_mono(raw, message.base_ns))
+            return Events(*decode_mono(_records(message.events, MONO), message.base_ns))
         if message.encoding == "libcaer":
-            return Events(*decode_libcaer(raw, message.base_ns))
+            return Events(*decode_libcaer(_records(message.events, LIBCAER), message.base_ns))
         raise BadFile(
             f"{self._name}: event messages in the encoding {message.encoding!r} are not supported yet",
             fix=f"record with one of: {', '.join(ENCODINGS)}",
@@ -125,3 +139,8 @@ def packet(payload: memoryview, *, cdr: bool) -> EventPacket:
     if fields.numbers("B")[0]:
         encoding += " (big-endian)"
     return EventPacket((height, width), base_ns, encoding, fields.block())
+
+
+def _records(raw: memoryview, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Bytes as an array of one kind, without what is left over."""
+    return np.frombuffer(raw, kind, len(raw) // kind.itemsize)

@@ -111,11 +111,13 @@ def decode_aedat3(raw, state, final, kinds):
         kind, round_us = raw[at], state[1] << 31
         kinds[kind] += (until - at - PACKET_HEADER) // number(raw, at + 4)
         if kind == POLARITY:
-            for record in range(at + PACKET_HEADER, until - 7, 8):
-                packed = number(raw, record)
+            whole = (until - at - PACKET_HEADER) // 8 * 8
+            records = raw[at + PACKET_HEADER : at + PACKET_HEADER + whole].view(np.uint32)
+            for record in range(0, len(records), 2):
+                packed = records[record]
                 x[count], y[count] = packed >> 17, packed >> 2 & 0x7FFF
-                t[count] = round_us | (number(raw, record + 4) & 0x7FFFFFFF)
-                p[count] = (packed & 2) - 1
+                t[count] = round_us | np.int64(records[record + 1] & np.uint32(0x7FFFFFFF))
+                p[count] = np.int8(packed & np.uint32(2)) - np.int8(1)
                 count += packed & 1
         at = until
     lost = skipped // 8

@@ -32,9 +32,10 @@ def decode_libcaer_cmp(words, base_ns):
     x, y = np.empty(most, np.uint16), np.empty(most, np.uint16)
     t, p = np.empty(most, np.int64), np.empty(most, np.int8)
     high = low = column = base = polarity = count = 0
+    base_us = (base_ns + 500) // 1000
     for code in words:
         kind, value = np.int64(code >> 12), np.int64(code & 0xFFF)
-        time_us = (base_ns + (high << 12 | low) * 1000 + 500) // 1000
+        time_us = base_us + (high << 12 | low)
         if kind == HIGH:
             high = value
         elif kind == LOW:
