@@ -218,6 +218,8 @@ def as_us(times: NDArray[Any], unit: TimeUnit) -> NDArray[np.int64]:
     if times.dtype.kind in "iu":
         return _whole_as_us(times, power)
     us = np.asarray(times, np.float64) * 10.0**power if power >= 0 else np.asarray(times, np.float64) / 10.0**-power
+    if us.size and us.min() > -MOST_US and us.max() < MOST_US:  # as nearly always
+        return np.rint(us).astype(np.int64)
     with np.errstate(invalid="ignore"):
         inside = np.abs(us) < MOST_US
         return np.where(inside, np.rint(np.where(inside, us, 0)), NO_TIME).astype(np.int64)
