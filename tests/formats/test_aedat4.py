@@ -1,13 +1,14 @@
 """AEDAT 4, against files written by iniVation's own library."""
 
 import struct
+from contextlib import nullcontext
 
 import dv_processing
 import numpy as np
 import pytest
 
 from evimo.errors import BadFile, EvimoWarning
-from evimo.formats import open_events
+from evimo.formats import aedat4, aedat4_packets, open_events
 from evimo.formats.aedat4_packets import head, packet_table, walked
 
 CompressionType = dv_processing.CompressionType
@@ -39,6 +40,23 @@ def test_what_was_written_is_read(tmp_path, events, rows, compression):
     assert rows(opened) == rows([events])
     assert rows(opened.packets(70_000, 130_000)) == rows([events.between(70_000, 130_000)])
     assert opened.contents["camera name"] == "camera"
+
+
+@pytest.mark.parametrize("together", [1, 150, 250])
+@pytest.mark.parametrize("cut", [False, True])
+def test_packets_are_read_together_from_any_time_on(recording, events, rows, monkeypatch, together, cut):
+    monkeypatch.setattr(aedat4, "TOGETHER", together)
+    if cut:  # without its table it is walked
+        recording.write_bytes(recording.read_bytes()[: head(recording).table_at])
+    with pytest.warns(EvimoWarning, match="cut short") if cut else nullcontext():
+        opened = open_events(recording)
+    for start in range(0, 200_000, 17_000):
+        assert rows(opened.packets(start)) == rows([events.between(start, events.t[-1] + 1)])
+
+
+def test_a_packet_larger_than_most_is_unpacked_whole(tmp_path, events, rows, monkeypatch):
+    monkeypatch.setattr(aedat4_packets, "LIKELY_BYTES", 100)
+    assert rows(open_events(write(tmp_path / "a.aedat4", events))) == rows([events])
 
 
 def test_the_table_says_what_the_packets_hold(recording, events):

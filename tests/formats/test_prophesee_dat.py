@@ -8,6 +8,7 @@ import pytest
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events, joined
 from evimo.formats import open_events, word_file
+from evimo.formats.event_record_kernel import decode_dat
 
 HEAD = b"% Data file containing CD events.\n% Version 2\n% Date 2017-10-31 11:29:21\n% Height 48\n% Width 64\n"
 
@@ -108,3 +109,19 @@ def test_a_damaged_time_costs_its_own_event(tmp_path, events, at, since_us, wron
     with pytest.warns(EvimoWarning, match="1 events"):
         found = joined(list(open_events(path)))
     assert found.t.tolist() == np.delete(late.t, at).tolist()
+
+
+@pytest.mark.parametrize("first_us", [0, 2**31 - 9_000, 2**32 - 9_000, 3 * 2**32 - 9_000])
+def test_times_are_the_same_together_and_one_by_one(first_us):
+    """Of three blocks: steady, with a wrap, with late events, or with a damaged time."""
+    draw = np.random.default_rng(5)
+    t = first_us + np.sort(draw.integers(0, 18_000, 3 * 4096))
+    t[5000:5100] = t[5000:5100][::-1]
+    t[9000] ^= 1 << 30
+    records = np.stack([t & 0xFFFFFFFF, np.zeros(len(t), np.int64)], axis=1).astype(np.uint32)
+    expected = np.where(np.arange(len(t)) == 9000, 0, t)
+    for sizes in ([len(t)], [1, 4000, len(t) - 4001]):
+        state, found = np.array([first_us - 10]), []
+        for part in np.split(records, np.cumsum(sizes)[:-1]):
+            found.append(decode_dat(part, state, False, (14, 14, 28))[2])
+        assert np.array_equal(np.where(np.arange(len(t)) == 9000, 0, np.concatenate(found)), expected)

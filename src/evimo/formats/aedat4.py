@@ -18,7 +18,7 @@ from evimo.formats.event_file import EventFile
 from evimo.formats.event_record_kernel import decode_aedat4
 from evimo.formats.survey import Survey, no_events_in, surveyed
 
-TOGETHER = 1 << 16  # events
+TOGETHER = 1 << 17  # events
 STREAMS = {"FRME": "frames", "IMUS": "IMU", "TRIG": "triggers", "POSE": "poses", "BBOX": "boxes", "TKPS": "key points"}
 
 

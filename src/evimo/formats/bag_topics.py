@@ -15,7 +15,7 @@ from evimo.formats.survey import no_events_in
 MARGIN_US = 1_000_000  # between an event and the recording of its message
 DRIFT = 1e-4  # of the sensor's clock against the recorder's
 SAME_CLOCK_US = 60_000_000  # a sensor's own clock differs from the recorder's by years
-PACKET_BYTES = 1 << 19  # messages are joined into packets of about so much
+PACKET_BYTES = 1 << 18  # messages are joined into packets of about so much
 DAMAGED = (struct.error, ValueError, IndexError)
 
 
@@ -72,9 +72,9 @@ class EventTopic:
         raise no_events_in(self.bag.path)
 
     def packets(self, start_ns: int | None = None) -> Iterator[Events]:
-        """Packets of about half a megabyte of messages, from a place on before which all was recorded before start_ns.
+        """Packets of about a quarter of a megabyte of messages, of all that was recorded from start_ns on.
 
-        Messages that are damaged are left out; a warning at the end says how many.
+        They may begin sooner. Messages that are damaged are left out; a warning at the end says how many.
         """
         decode, waiting, size, bad = self.decoder(), list[Events](), 0, 0
         for message in self.bag.messages(self.topic.connections, start_ns):

@@ -9,6 +9,7 @@ from evimo.formats.clock_rules import NO_TIME
 UNKNOWN = -1
 PACKET_HEADER, POLARITY, FRAME, FRAME_HEADER = 28, 1, 2, 36
 FAR_US = 1 << 29  # between two times of DAT: nine minutes
+TOGETHER = 4096  # events whose times are looked at together
 KINDS = 16  # kinds of AEDAT 3 packets that are counted
 RECORD_BYTES = (8, 8, 0, 36, 48)  # of special, polarity, frame (any), IMU of 6 and of 9 axes
 LONGEST_BYTES = 1 << 26
@@ -30,18 +31,41 @@ def decode_dat(records, state, final, bits):
     reached = state[0]
     if reached == NO_TIME and count:
         reached = np.int64(np.median(records[: min(count, 3), 0]))
+    for first in range(0, count, TOGETHER):
+        last = min(first + TOGETHER, count)
+        if is_steady(records[first:last], reached):
+            steadily(records[first:last], reached, t[first:last])
+            reached = t[last - 1]
+            continue
+        for at in range(first, last):
+            now = reached + np.int32(records[at, 0] - np.uint32(reached))
+            if abs(now - reached) < FAR_US or (
+                at + 1 < count and abs(np.int64(np.int32(records[at + 1, 0] - records[at, 0]))) < FAR_US
+            ):
+                reached = now
+            t[at] = now + (np.int64(now < 0) << 32)
     for at in range(count):
         address = records[at, 1]
-        now = reached + np.int32(records[at, 0] - np.uint32(reached))
-        if abs(now - reached) < FAR_US or (
-            at + 1 < count and abs(np.int64(np.int32(records[at + 1, 0] - records[at, 0]))) < FAR_US
-        ):
-            reached = now
         x[at], y[at] = address & of_column, address >> columns & of_row
-        t[at] = now + (np.int64(now < 0) << 32)
         p[at] = 2 * np.int8(address >> sign & 1) - 1
     state[0] = reached
     return x, y, t, p, count, 0
+
+
+@njit(nogil=True)
+def is_steady(records, reached):
+    """Whether all times of DAT events follow the time reached, none of them far from it: as nearly always."""
+    far = np.uint32(0)
+    for at in range(len(records)):
+        far |= records[at, 0] - np.uint32(reached)
+    return reached >= 0 and far < FAR_US
+
+
+@njit(nogil=True)
+def steadily(records, reached, t):
+    """The whole times of DAT events that are as `is_steady` says."""
+    for at in range(len(records)):
+        t[at] = reached + np.int64(records[at, 0] - np.uint32(reached))
 
 
 @njit(nogil=True)
