@@ -111,11 +111,12 @@ def test_a_file_cut_before_its_first_record_is_refused(tmp_path, events, left):
         open_events(path)
 
 
-def test_a_file_cut_inside_a_record_is_refused(tmp_path, events):
-    path = write(tmp_path / "a.aedat", *records(events))
+def test_a_file_cut_inside_a_record_is_read_with_a_warning(tmp_path, events, rows):
+    path = write(tmp_path / "a.aedat", imu(0, (1, 2, 3)), imu(1, (1, 2, 3)), *records(events))
     path.write_bytes(path.read_bytes()[:-3])
-    with pytest.raises(BadFile, match="ends inside a record: it was cut short"):
-        open_events(path)
+    with pytest.warns(EvimoWarning, match="ends inside a record: its last 5 bytes are left out"):
+        opened = open_events(path)
+    assert rows(opened) == rows([events.part(0, len(events) - 1)]) and len(opened.gyroscope()) == 2
 
 
 def test_without_an_event_or_of_another_chip_it_is_refused(tmp_path):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import EvimoWarning
 from evimo.events.events import Events
 from evimo.events.gyroscope import Gyroscope, gyroscope_of
 from evimo.formats.aedat2_header import Header, header
@@ -48,7 +48,7 @@ class Records:
         with self.path.open("rb") as file:
             file.seek(self.offset)
             while raw := file.read(BLOCK_BYTES):
-                parts.append(gyroscope_values(np.frombuffer(raw, RECORD), state))
+                parts.append(gyroscope_values(np.frombuffer(raw, RECORD, len(raw) // RECORD_BYTES), state))
         return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
@@ -59,15 +59,14 @@ def open_aedat2(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
     bits in the file and go on where they wrap, after 72 minutes.
 
     Raises:
-        BadFile: of another chip, cut short inside a record, or without events.
+        BadFile: of another chip, or without events.
     """
     top = header(path)
-    if (path.stat().st_size - top.length) % RECORD_BYTES:
-        raise BadFile(f"{path.name} ends inside a record: it was cut short", fix="copy or record it again")
     records, size, counts = Records(path, top.length, top.davis), sensor or top.size or (0, 0), np.zeros(2, np.int64)
     survey = surveyed(path, records.events(size, counts).blocks((top.length, np.full(1, NO_TIME))))
     size = size if any(size) else assumed_sensor(path, survey.extent)
     events = records.events(size)
+    events.warn_if_cut("a record", stacklevel=3)
 
     def read(start_us: int) -> Iterator[Events]:
         return (packet for _, packet in events.blocks(survey.place(start_us)))

@@ -65,9 +65,11 @@ class WordFile:
                     buffer = bytearray(2 * len(buffer))
                 buffer[:held] = left
 
-    def left_over(self) -> int:
-        """Bytes at the end that are no whole item."""
-        return (self.path.stat().st_size - self.offset) % self.item.itemsize
+    def warn_if_cut(self, holds: str, *, stacklevel: int) -> None:
+        """Say that a part of an item at the end is left out; `holds` is what an item is called."""
+        if left := (self.path.stat().st_size - self.offset) % self.item.itemsize:
+            text = f"{self.path.name} ends inside {holds}: its last {left} bytes are left out; was it cut short?"
+            warnings.warn(text, EvimoWarning, stacklevel=stacklevel + 1)
 
 
 def open_words(
@@ -87,9 +89,7 @@ def open_words(
     """
     path = words.path
     survey = surveyed(path, words.blocks((words.offset, state)))
-    if left := words.left_over():
-        text = f"{path.name} ends inside {holds}: its last {left} bytes are left out; was it cut short?"
-        warnings.warn(text, EvimoWarning, stacklevel=4)
+    words.warn_if_cut(holds, stacklevel=4)
 
     def read(start_us: int) -> Iterator[Events]:
         return (events for _, events in words.blocks(survey.place(start_us)))
