@@ -47,7 +47,7 @@ def test_seconds_of_a_recording_that_begins_at_zero_are_no_polarities(tmp_path, 
 def test_a_heading_tells_that_times_are_in_two_columns(tmp_path, events, heading):
     early = events.between(0, 900_000)  # of which the second stands still
     path = saved(tmp_path / "a.csv", early, "{x},{y},{sec},{ns},{p}", heading + "\n")
-    with pytest.raises(BadFile, match="as its heading .* says"):
+    with pytest.raises(BadFile, match=r"as its heading .* says"):
         open_events(path, sensor=SIZE)
 
 
@@ -101,7 +101,8 @@ def test_pixels_outside_every_sensor_say_nothing_of_its_size(tmp_path, events, r
 
 
 @pytest.mark.parametrize(
-    "lines", ["# height=48 width=64", "# width: 64\n# height: 48", "width,64\nheight,48\nt,x,y,p", "# Height 48, Width 64"]
+    "lines",
+    ["# height=48 width=64", "# width: 64\n# height: 48", "width,64\nheight,48\nt,x,y,p", "# Height 48, Width 64"],
 )
 def test_sides_of_the_sensor_are_told_in_any_order(tmp_path, events, lines):
     assert open_events(saved(tmp_path / "a.csv", events, "{t},{x},{y},{p}", lines + "\n")).sensor == SIZE
