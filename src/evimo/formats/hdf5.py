@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, EvimoWarning, NotFound
+from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
+from evimo.formats.choosing import chosen_of
 from evimo.formats.columns import check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile
 from evimo.formats.hdf5_tables import EventTable, event_tables, numbers_beside, require_filters, stored_size
@@ -42,7 +43,7 @@ def open_hdf5(
     try:
         file = h5py.File(path, "r")
         tables = event_tables(path, file, columns)
-        table = _chosen(path, tables, topic)
+        table = tables[chosen_of(path, [each.name for each in tables], topic)]
         table.require_whole(path)
         for array, _ in table.columns.values():
             require_filters(path, array)
@@ -120,24 +121,6 @@ class _Reader:
             return self._table.stored(letters, first, min(last, self._table.count))
         except (OSError, RuntimeError) as error:
             raise BadFile(f"{self._path.name} is damaged near event {first:,}: {error}", fix=CUT) from error
-
-
-def _chosen(path: Path, tables: list[EventTable], topic: str | None) -> EventTable:
-    """The table that `topic` names, whole or by a part; else the one with the most events, with a warning."""
-    names = ", ".join(table.name for table in tables)
-    if topic is not None:
-        wanted = topic.strip("/")
-        fitting = [table for table in tables if table.name.strip("/") == wanted] or [
-            table for table in tables if wanted in table.name
-        ]
-        if len(fitting) != 1:
-            problem = f"{len(fitting)} events in {path.name} fit" if fitting else f"{path.name} holds no events"
-            raise NotFound(f"{problem} --topic {topic}", fix=f"one of: {names}")
-        return fitting[0]
-    if len(tables) > 1:
-        text = f"{path.name} holds events of several cameras: {names}; {tables[0].name} is read, --topic chooses"
-        warnings.warn(text, EvimoWarning, stacklevel=4)
-    return tables[0]
 
 
 def _upright(path: Path, stored: tuple[int, int] | None, extent: tuple[int, int]) -> tuple[int, int] | None:
