@@ -127,7 +127,7 @@ def _upright(path: Path, stored: tuple[int, int] | None, extent: tuple[int, int]
     """The size that a file tells, its sides swapped, with a warning, where only so it holds the events."""
     if stored is None or (extent[0] <= stored[0] and extent[1] <= stored[1]):
         return stored
-    turned = stored[::-1]
+    turned = stored[1], stored[0]
     if extent[0] > turned[0] or extent[1] > turned[1]:
         return stored
     text = f"{path.name} tells a sensor of {size_in_words(stored)}, and its events fit only one of"
