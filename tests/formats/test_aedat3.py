@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile, EvimoWarning, NotFound
 from evimo.events.events import Events, joined
 from evimo.formats import open_events, word_file
 
@@ -104,3 +104,19 @@ def test_a_packet_whose_wraps_are_damaged_goes_by_its_neighbours(tmp_path, event
     parts = packets(events)
     parts[4] = parts[4][:12] + b"\x40" + parts[4][13:]
     assert rows(open_events(written(tmp_path / "a.aedat", *parts))) == rows([events])
+
+
+@pytest.mark.parametrize("late_us", [0, 7_000_000])
+def test_of_several_cameras_one_is_read_and_said(tmp_path, events, rows, late_us):
+    other = Events(63 - events.x, events.y, events.t + late_us, events.p).part(0, 900)
+    theirs = [part[:2] + struct.pack("<H", 2) + part[4:] for part in packets(other)]
+    mixed = [part for pair in zip(packets(events), theirs, strict=False) for part in pair]
+    path = written(tmp_path / "a.aedat", *mixed, packets(events)[-1], chip="DAVIS240C\r\n#Source 2: DVS128")
+    with pytest.warns(EvimoWarning, match="several cameras: 1/DAVIS240C, 2/DVS128; 1/DAVIS240C is read"):
+        opened = open_events(path)
+    assert opened.sensor == (180, 240) and rows(opened) == rows([events])
+    for topic in ("2", "DVS128"):
+        chosen = open_events(path, topic=topic)
+        assert chosen.sensor == (128, 128) and rows(chosen) == rows([other])
+    with pytest.raises(NotFound, match="no events --topic 3"):
+        open_events(path, topic="3")

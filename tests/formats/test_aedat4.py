@@ -7,7 +7,7 @@ import dv_processing
 import numpy as np
 import pytest
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile, EvimoWarning, NotFound
 from evimo.formats import aedat4, aedat4_packets, open_events
 from evimo.formats.aedat4_packets import head, packet_table, walked
 
@@ -121,3 +121,30 @@ def test_a_recording_of_frames_alone_is_refused(tmp_path):
 def test_frames_and_imu_of_real_recordings_are_counted(shared_data, name, frames, imu):
     contents = open_events(shared_data(name)).contents
     assert (contents["frames"], contents["IMU"]) == (frames, imu)
+
+
+@pytest.fixture
+def stereo(tmp_path, events):
+    """Events of two cameras, fewer of the left."""
+    path, config = tmp_path / "a.aedat4", dv_processing.io.MonoCameraWriter.EventOnlyConfig
+    sides = [config(name, (64, 48), CompressionType.LZ4) for name in ("camL", "camR")]
+    writer = dv_processing.io.StereoCameraWriter(str(path), *sides)
+    for side, count in ((writer.left, 900), (writer.right, 1000)):
+        store = dv_processing.EventStore()
+        part = events.part(0, count)
+        for x, y, t, p in zip(part.x.tolist(), part.y.tolist(), part.t.tolist(), part.p.tolist(), strict=True):
+            store.push_back(t, x, y, p > 0)
+        side.writeEvents(store)
+    del side, writer
+    return path
+
+
+def test_of_several_cameras_the_topic_chooses(stereo, events, rows):
+    with pytest.warns(EvimoWarning, match="camR/events, camL/events; camR/events is read, --topic chooses"):
+        opened = open_events(stereo)
+    assert rows(opened) == rows([events])
+    assert opened.contents["topics"] == "camR/events, camL/events"
+    left = open_events(stereo, topic="camL")
+    assert left.topic == "camL/events" and rows(left) == rows([events.part(0, 900)])
+    with pytest.raises(NotFound, match=r"2 events in .* fit --topic cam"):
+        open_events(stereo, topic="cam")

@@ -178,6 +178,27 @@ def test_offsets_of_all_kinds_are_added(tmp_path, some_events, offset, kind, exp
     assert joined(list(open_events(path, sensor=SIZE))).t.tolist() == (events.t + expected_us).tolist()
 
 
+@pytest.mark.parametrize("place", ["/", "events"])
+def test_an_offset_may_be_an_attribute(tmp_path, events, place):
+    path = saved(tmp_path / "a.h5", columns_of(events))
+    with h5py.File(path, "a") as file:
+        file[place].attrs["t_offset"] = np.uint64(7_000_000)
+    assert joined(list(open_events(path, sensor=SIZE))).t.tolist() == (events.t + 7_000_000).tolist()
+
+
+@pytest.mark.parametrize(("kind", "offset"), [(1, 7_000_000), (1e-6, 7.0)])
+def test_the_offset_of_an_archive_is_added(tmp_path, some_events, kind, offset):
+    events = some_events(20_000, span_us=1_000_000)
+    path = tmp_path / "a.npz"
+    np.savez(path, **columns_of(events) | {"t": events.t * kind}, t_offset=offset)
+    recording = open_events(path, sensor=SIZE)
+    assert joined(list(recording)).t.tolist() == (events.t + 7_000_000).tolist()
+    assert next(recording.packets(7_500_000)).t[0] >= 7_500_000
+    np.savez(path, **columns_of(events), t_offset="seven")
+    with pytest.raises(BadFile, match=r"its t_offset .* is no number"):
+        open_events(path, sensor=SIZE)
+
+
 def test_an_offset_that_is_no_number_is_named(tmp_path, events):
     with pytest.raises(BadFile, match="its t_offset nan is no number"):
         open_events(saved(tmp_path / "a.h5", columns_of(events), t_offset=np.nan), sensor=SIZE)
@@ -205,6 +226,30 @@ def test_sizes_that_are_none_are_named(tmp_path, events, rows, attributes):
     with pytest.raises(BadFile, match=r"a\.h5: its .* is no sensor size\n  try: give it with --sensor"):
         open_events(path)
     assert rows(open_events(path, sensor=SIZE)) == rows([events])
+
+
+@pytest.mark.parametrize(
+    "sides", [(48, 64), (np.array([48]), np.array([64])), (np.array([[48.0]]), np.array([[64.0]]))]
+)
+@pytest.mark.parametrize("name", ["attributes.h5", "arrays.h5", "a.npz"])
+def test_sides_of_the_sensor_are_numbers_or_arrays_of_one(tmp_path, events, name, sides):
+    told = dict(zip(("height", "width"), sides, strict=True))
+    if name == "a.npz":
+        np.savez(tmp_path / name, **columns_of(events), **told)
+    elif name == "arrays.h5":
+        saved(tmp_path / name, columns_of(events), **told)
+    else:
+        with h5py.File(saved(tmp_path / name, columns_of(events)), "a") as file:
+            file.attrs.update(told)
+    assert open_events(tmp_path / name).sensor == SIZE
+
+
+def test_sides_that_are_swapped_are_turned_and_said(tmp_path, events, rows):
+    path = saved(tmp_path / "a.h5", columns_of(events))
+    with h5py.File(path, "a") as file:
+        file.attrs["sensor_resolution"] = SIZE[::-1]
+    with pytest.warns(EvimoWarning, match="tells a sensor of 48x64, and its events fit only one of 64x48"):
+        assert rows(open_events(path)) == rows([events])
 
 
 def test_what_else_a_file_holds_does_not_stand_in_the_way(tmp_path, events, rows):

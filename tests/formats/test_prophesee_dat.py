@@ -41,6 +41,14 @@ def test_version_1_has_narrower_columns_and_rows(tmp_path, events, rows):
     assert rows(opened) == rows([events]) and opened.format == "Prophesee DAT 1"
 
 
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("line", [b"", b"% Version {}.0\n"])
+def test_a_header_without_a_version_leaves_it_to_the_bits(tmp_path, events, rows, version, line):
+    head = b"% Data file containing CD events.\n% Width 64\n% Height 48\n" + line.replace(b"{}", b"%d" % version)
+    opened = open_events(written(tmp_path / "a.dat", events, head=head, version=version, end=b"123"))
+    assert rows(opened) == rows([events]) and opened.format == f"Prophesee DAT {version}"
+
+
 def test_times_go_on_where_their_bits_wrap(tmp_path, events):
     late = Events(events.x, events.y, events.t + 2**32 - 100_000, events.p)
     opened = open_events(written(tmp_path / "a.dat", late))

@@ -46,6 +46,15 @@ def test_what_was_written_is_read(tmp_path, kind, encoded, events, rows, monkeyp
     assert opened.faults.dropped == 0
 
 
+def test_bytes_of_something_else_before_the_first_word_hardly_ever_shift_times(tmp_path, kind, encoded, events):
+    words, right = getattr(encoded, kind)(events)[0].tobytes(), 0
+    for seed in range(40):
+        draw = np.random.default_rng(seed)
+        path = written(tmp_path / f"{seed}.raw", draw.bytes(8 * draw.integers(1, 100)) + words, new_header(kind))
+        right += np.isin(joined(list(open_events(path))).t, events.t).sum() > 0.98 * len(events)
+    assert right >= 38  # of so short damage every other used to count a round too many
+
+
 def test_seeking_does_not_begin_at_the_beginning(tmp_path, kind, encoded, some_events, monkeypatch):
     monkeypatch.setattr(word_file, "BLOCK_BYTES", 4096)
     events = some_events(5000)
@@ -71,6 +80,9 @@ def test_old_headers_tell_the_sensor_by_the_name_of_the_camera(tmp_path, encoded
         "% format {format};width=64;height=48\n% end\n",
         "% format {format}\n% geometry 64x48\n% integrator_name Prophesee\n% end\n",
         "%evt {evt}\n%geometry 64x48\n%end\n",
+        "% EVT {evt}\n% geometry 64x48\n% end\n",
+        "% format EVT{evt};height=48;width=64\n% end\n",
+        "% format evt{evt};height=48;width=64\n% end\n",
     ],
 )
 def test_headers_of_the_wild(tmp_path, kind, encoded, events, rows, head):

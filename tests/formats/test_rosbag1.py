@@ -147,6 +147,19 @@ def test_messages_of_a_half_chunk_are_read(tmp_path, absolute, rows):
     assert seen == rows([absolute])[: len(seen)]
 
 
+@pytest.mark.parametrize(
+    "compression, hole", [(None, 0), (Writer.CompressionFormat.LZ4, 0), (Writer.CompressionFormat.LZ4, 150)]
+)
+def test_messages_of_a_damaged_chunk_are_left_out_and_counted(tmp_path, absolute, rows, compression, hole):
+    path = write(tmp_path / "a.bag", absolute, compression=compression)
+    chunk, raw = open_bag(path).chunks[3], bytearray(path.read_bytes())
+    first = chunk.offset + hole  # of the chunk's own header, or of its records
+    raw[first : first + 200] = bytes(200)
+    path.write_bytes(raw)
+    with pytest.warns(EvimoWarning, match="1 messages of /cam/events are damaged"):
+        assert len(rows(open_events(path))) == len(absolute) - PART
+
+
 def test_a_bag_cut_before_its_first_message_is_refused(tmp_path, absolute):
     path = write(tmp_path / "a.bag", absolute)
     path.write_bytes(path.read_bytes()[:4200])

@@ -14,6 +14,7 @@ from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.aedat4_gyroscope import packet_gyroscope
 from evimo.formats.aedat4_packets import Head, PacketTable, head, packet_records, packet_table, walked
+from evimo.formats.choosing import chosen_of
 from evimo.formats.event_file import EventFile
 from evimo.formats.event_record_kernel import decode_aedat4
 from evimo.formats.survey import Survey, no_events_in, surveyed
@@ -22,18 +23,19 @@ TOGETHER = 1 << 17  # events
 STREAMS = {"FRME": "frames", "IMUS": "IMU", "TRIG": "triggers", "POSE": "poses", "BBOX": "boxes", "TKPS": "key points"}
 
 
-def open_aedat4(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
-    """Open an AEDAT 4 recording; of several streams of events the one with the most.
+def open_aedat4(path: Path, sensor: tuple[int, int] | None = None, *, topic: str | None = None) -> EventFile:
+    """Open an AEDAT 4 recording; of several streams of events that of `topic`, else the one with the most.
 
     A file without its table of packets, because it was cut short, is used as far as it is readable, with a warning;
     damaged packets are left out with one.
 
     Raises:
-        BadFile: without events, or nothing is readable.
+        BadFile: without events, or nothing is readable. NotFound: no such topic.
     """
     top = head(path)
     table = packet_table(path, top)
-    stream = _event_stream(path, top, table)
+    names = _event_streams(path, top, table)
+    stream = list(names)[chosen_of(path, list(names.values()), topic)]
     if table is None:
         survey = surveyed(path, _events(path, top, _walk(path, top, stream, top.first_packet)))
         text = f"{path.name} is cut short: its first {survey.events:,} events are readable and used"
@@ -54,7 +56,8 @@ def open_aedat4(path: Path, sensor: tuple[int, int] | None = None) -> EventFile:
         stop_us=survey.stop_us,
         read=read,
         read_gyroscope=lambda: packet_gyroscope(path, top, table, stream),
-        contents=_contents(top, table),
+        contents=_contents(top, table) | ({"topics": ", ".join(names.values())} if len(names) > 1 else {}),
+        topic=names[stream] if len(names) > 1 else "",
     )
 
 
@@ -63,16 +66,21 @@ def _walk(path: Path, top: Head, stream: int, first: int) -> Iterator[int]:
     return (at for at, name in walked(path, first, path.stat().st_size) if name == stream)
 
 
-def _event_stream(path: Path, top: Head, table: PacketTable | None) -> int:
-    found = [name for name, stream in top.streams.items() if stream.kind == "EVTS"]
+def _event_streams(path: Path, top: Head, table: PacketTable | None) -> dict[int, str]:
+    """Streams of events with their names, CAMERA/OUTPUT, the most events first.
+
+    Raises:
+        BadFile: there are none.
+    """
+    found = [number for number, stream in top.streams.items() if stream.kind == "EVTS"]
     if not found:
         kinds = ", ".join(stream.kind for stream in top.streams.values())
         raise BadFile(f"{path.name} has no stream of events, only {kinds or 'nothing'}", fix="record events (EVTS)")
-    chosen = found[0] if table is None else max(found, key=lambda name: int(table.of(name).count.sum()))
-    if len(found) > 1:
-        text = f"{path.name} has {len(found)} streams of events: number {chosen} ({top.streams[chosen].camera}) is read"
-        warnings.warn(text, EvimoWarning, stacklevel=4)
-    return chosen
+    if table is not None:
+        found.sort(key=lambda number: -int(table.of(number).count.sum()))
+    names = {number: f"{top.streams[number].camera}/{top.streams[number].output}" for number in found}
+    again = len(set(names.values())) < len(names)
+    return {number: f"{name} {number}" if again else name for number, name in names.items()}
 
 
 def _indexed(path: Path, table: PacketTable) -> Survey[int]:
@@ -95,8 +103,9 @@ def _events(path: Path, top: Head, offsets: Iterator[int]) -> Iterator[tuple[int
             except ValueError:
                 damaged += 1
                 continue
-            if not together.takes(records):
-                yield together.first, together.events()
+            if not together.has_room(len(records)):
+                if len(together):
+                    yield together.first, together.events()
                 together = Together(len(records))
             together.add(offset, records)
     if len(together):
@@ -117,9 +126,9 @@ class Together:
     def __len__(self) -> int:
         return self._count
 
-    def takes(self, records: NDArray[np.uint64]) -> bool:
-        """Whether there is room for these, or none are there yet."""
-        return self._count + len(records) <= self._most
+    def has_room(self, count: int) -> bool:
+        """Whether there is room for so many more."""
+        return self._count + count <= self._most
 
     def add(self, offset: int, records: NDArray[np.uint64]) -> None:
         """Take in the records (N, 2) of the packet at a byte offset."""
@@ -133,7 +142,8 @@ class Together:
 
 
 def _contents(top: Head, table: PacketTable | None) -> dict[str, str]:
-    contents = {"camera name": next(stream.camera for stream in top.streams.values() if stream.kind == "EVTS")}
+    cameras = [stream.camera for stream in top.streams.values() if stream.kind == "EVTS"]
+    contents = {"camera name": ", ".join(dict.fromkeys(cameras))}
     for name, stream in top.streams.items():
         count = int(table.of(name).count.sum()) if table else None
         if stream.kind in STREAMS and count != 0:

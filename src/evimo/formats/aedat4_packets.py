@@ -26,11 +26,12 @@ GYROSCOPE_FIELDS = (5, 6, 7)  # of a sample: after its time, temperature and thr
 
 
 class Stream(NamedTuple):
-    """One stream of a file: four letters for its type, (height, width) where it has one, the camera's name."""
+    """One stream of a file: four letters for its type, (height, width) where it has one, the camera's name, its own."""
 
     kind: str
     size: tuple[int, int]
     camera: str
+    output: str = ""
 
 
 class Head(NamedTuple):
@@ -169,9 +170,8 @@ def _streams(xml: str) -> dict[int, Stream]:
     for node in ElementTree.fromstring(xml).findall("node[@name='outInfo']/node"):
         kind = node.findtext("attr[@key='typeIdentifier']") or ""
         width, height = (int(node.findtext(f"node/attr[@key='size{axis}']") or 0) for axis in "XY")
-        streams[int(node.attrib["name"])] = Stream(
-            kind, (height, width), node.findtext("node/attr[@key='source']") or ""
-        )
+        camera, output = node.findtext("node/attr[@key='source']"), node.findtext("attr[@key='originalOutputName']")
+        streams[int(node.attrib["name"])] = Stream(kind, (height, width), camera or "", output or "")
     return streams
 
 

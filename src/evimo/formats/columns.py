@@ -21,12 +21,15 @@ NAMES = {
     "p": {"p", "ps", "pol", "polarity", "polarities", "on"},
 }
 ALSO = {"u": "x", "v": "y"}  # where no other name says x and y: beside them u and v are a flow
+SECONDS = {"sec", "secs", "seconds"}
+PARTS = {"nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "usec", "usecs", "microseconds"}  # of a second
+CAMERAS = {"cam", "camera", "camid", "cameraid", "cameraindex", "camindex", "camnumber", "device", "deviceid"}
 BESIDE = {"event", "events", "ev", "pixel", "px", "pos", "position", "coord", "coordinate", "addr", "address", "sensor"}
 UNITS: dict[str, TimeUnit] = {
     **dict.fromkeys(("s", "sec", "secs", "seconds"), "s"),
-    **dict.fromkeys(("ms", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "µs", "μs", "\ufffds", "microseconds"), "us"),
-    **dict.fromkeys(("ns", "nanoseconds"), "ns"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "µs", "μs", "\ufffds", "usec", "usecs", "micros", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds"), "ns"),
 }
 UNIT = re.compile(rf"[_\s\[(]+({'|'.join(UNITS)})[\])]?$")  # as in t_us, time [ms] and timestamp(ns)
 MOST_COLUMNS = 12
@@ -110,13 +113,35 @@ def refuse_split_times(path: Path, sample: NDArray[np.float64], columns: str) ->
         )
 
 
-def found_columns(path: Path, sample: NDArray[np.float64], shown: str = "") -> str:
-    """Return the letters of columns from what they hold: rows (N, C) of all parts of the file, in its
-    order.
+def refuse_named_parts(path: Path, words: Sequence[str], sample: NDArray[np.float64]) -> None:
+    """Refuse a table whose heading names times in two columns, or several cameras, whose events nothing would part.
 
-    Polarities are 0 and 1, or -1 and 1; pixels are below 16384, whole if they can be, columns before rows; times are
-    what pixels cannot be, or do not fall. A first column that counts the rows is left out. Where the usual order
-    t x y p is as good as any other, it is taken. `shown` is a row as the file has it, for messages.
+    `words` are those of the heading; what lies below them tells nothing where they are not as many.
+
+    Raises:
+        BadFile: it is such a table.
+    """
+    ends = {re.split(r"[\s_.]+", word.lower())[-1] for word in words}
+    if ends & SECONDS and ends & PARTS:
+        raise BadFile(
+            f"{path.name} has its times in two columns, as its heading {' '.join(words)!r} says",
+            fix="write them as one number, such as seconds with their decimals; or choose one with --columns",
+        )
+    for at, word in enumerate(words if len(words) == sample.shape[1] else ()):
+        if re.sub(r"[\s_.]+", "", word.lower()) in CAMERAS and len(np.unique(sample[:, at])) > 1:
+            raise BadFile(
+                f"{path.name} holds events of several cameras, told apart by its column {word!r}",
+                fix="write those of one camera into a file of their own; or give their order with --columns",
+            )
+
+
+def found_columns(path: Path, sample: NDArray[np.float64], shown: str = "") -> str:
+    """Return the letters of columns from what they hold: rows (N, C) of all parts of the file, in its order.
+
+    Polarities are 0 and 1, or -1 and 1; pixels are below 16384, whole if they can be, columns before rows; both go up
+    and down if any such do; times are what pixels cannot be, or do not fall. A first column that counts the rows is
+    left out; of more than four the first four go before others. Where the usual order t x y p is as good as any other,
+    it is taken. `shown` is a row as the file has it, for messages.
 
     Raises:
         BadFile: no order fits, or several do.
@@ -127,7 +152,7 @@ def found_columns(path: Path, sample: NDArray[np.float64], shown: str = "") -> s
             fix="events as text have a line each, with t, x, y and p",
         )
     first = 1 if sample.shape[1] > 4 and len(sample) > 2 and _mostly(np.diff(sample[:, 0]) == 1) else 0
-    ranked = _ranked(sample, [first + at for at in range(4)]) or _ranked(sample, range(sample.shape[1]))
+    ranked = _ranked(sample, range(first, first + 4))
     if not ranked:
         shown = shown or " ".join(f"{value:.12g}" for value in sample[0])
         raise BadFile(f"{path.name} is no event recording: in {shown!r} no order of t, x, y and p makes sense", fix=FIX)
@@ -202,15 +227,16 @@ def check_lengths(path: Path, lengths: dict[str, int]) -> None:
         raise BadFile(text, fix="copy all of them again from one recording, or export it again")
 
 
-def _ranked(sample: NDArray[np.float64], columns: Sequence[int]) -> list[tuple[tuple[bool, ...], str]]:
-    """The orders that make sense, the best first."""
-    facts = {column: _Column(sample[:, column]) for column in columns}
+def _ranked(sample: NDArray[np.float64], usual: range) -> list[tuple[tuple[bool, ...], str]]:
+    """The orders that make sense, the best first; those of the usual columns go before others."""
+    facts = {column: _Column(sample[:, column]) for column in range(sample.shape[1])}
     found: list[tuple[tuple[bool, ...], str]] = []
-    for t, x, y, p in permutations(columns, 4):
+    for t, x, y, p in permutations(facts, 4):
         if x > y or not (facts[p].is_polarity and facts[x].is_pixel and facts[y].is_pixel):
             continue
         letters = "".join({t: "t", x: "x", y: "y", p: "p"}.get(column, "_") for column in range(sample.shape[1]))
-        found.append((_merits(facts, t, x, y) + (letters.replace("_", "") == LETTERS,), letters))
+        outer = facts[p].turns, facts[x].turns and facts[y].turns, {t, x, y, p} == set(usual)
+        found.append((outer + _merits(facts, t, x, y) + (letters.replace("_", "") == LETTERS,), letters))
     return sorted(found, reverse=True)
 
 
@@ -228,6 +254,8 @@ class _Column:
         self.is_pixel = _mostly((finite > -LARGEST_PIXEL) & (finite < LARGEST_PIXEL))
         self.is_whole = _mostly(finite == np.rint(finite))
         self.rises = bool(len(finite) >= FEW_ROWS and finite[-1] > finite[0] and (np.diff(finite) >= 0).mean() > 0.9)
+        steps = np.diff(finite)  # of a camera's number or of whole seconds, they are 0 or of one sign
+        self.turns = bool(len(finite) >= FEW_ROWS and (steps > 0).any() and (steps < 0).any())
 
 
 def _mostly(right: NDArray[np.bool_]) -> bool:

@@ -10,6 +10,7 @@ UNKNOWN = -1
 PACKET_HEADER, POLARITY, FRAME, FRAME_HEADER = 28, 1, 2, 36
 FAR_US = 1 << 29  # between two times of DAT: nine minutes
 TOGETHER = 4096  # events whose times are looked at together
+SOURCES, ALL = 1 << 16, -1  # cameras, by number
 KINDS = 16  # kinds of AEDAT 3 packets that are counted
 RECORD_BYTES = (8, 8, 0, 36, 48)  # of special, polarity, frame (any), IMU of 6 and of 9 axes
 LONGEST_BYTES = 1 << 26
@@ -111,8 +112,10 @@ def rounds(raw, at, until, before):
 
 
 @njit(nogil=True)
-def decode_aedat3(raw, state, final, kinds):
+def decode_aedat3(raw, state, final, kinds, sources):
     """The valid polarity events of AEDAT 3 packets (u1); the events of each kind are counted in `kinds`.
+
+    `sources` counts the polarity events of each camera; where its last number is one's, others' are left out.
 
     A packet's header tells what is in it and how often the events' 31 bits of time had wrapped. Where there is none,
     the next is sought, and what lies between is lost: eight bytes an event. The state is the bytes of the event that
@@ -133,8 +136,10 @@ def decode_aedat3(raw, state, final, kinds):
         until = min(until, len(raw))
         state[1] = rounds(raw, at, until, state[1])
         kind, round_us = raw[at], state[1] << 31
-        kinds[kind] += (until - at - PACKET_HEADER) // number(raw, at + 4)
-        if kind == POLARITY:
+        held, source = (until - at - PACKET_HEADER) // number(raw, at + 4), raw[at + 2] | np.int64(raw[at + 3]) << 8
+        kinds[kind] += held
+        sources[source] += held * (kind == POLARITY)
+        if kind == POLARITY and sources[SOURCES] in (ALL, source):
             whole = (until - at - PACKET_HEADER) // 8 * 8
             records = raw[at + PACKET_HEADER : at + PACKET_HEADER + whole].view(np.uint32)
             for record in range(0, len(records), 2):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evimo.arguments import size_of
 from evimo.errors import BadFile, BadInput, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.clock_rules import NO_TIME
@@ -41,8 +42,10 @@ def open_evimo_npz(
     """
     archive = Archive(path)
     rows = NpzRows(archive, columns)
-    unit = _unit(path, rows, sensor, time_unit)
-    survey = surveyed(path, _blocks(rows, unit, (0, Reached())))
+    offset = _offset(archive)
+    unit = _unit(path, rows, sensor, time_unit, offset=offset)
+    added_us = int(as_us(offset, unit)[0])
+    survey = surveyed(path, _blocks(rows, unit, (0, Reached()), added_us))
     if survey.stored < rows.count:
         text = f"{path.name} is cut short: {survey.stored:,} of {rows.count:,} events are readable and used"
         warnings.warn(text, EvimoWarning, stacklevel=3)
@@ -52,7 +55,7 @@ def open_evimo_npz(
     sign = np.int8(on_sign(path))
 
     def read(start_us: int) -> Iterator[Events]:
-        blocks = _blocks(rows, unit, survey.place(start_us))
+        blocks = _blocks(rows, unit, survey.place(start_us), added_us)
         return (Events(each.x, each.y, each.t, sign * each.p) for _, each in blocks)
 
     return EventFile(
@@ -68,7 +71,22 @@ def open_evimo_npz(
     )
 
 
-def _unit(path: Path, rows: NpzRows, sensor: tuple[int, int] | None, said: TimeUnit | None) -> TimeUnit:
+def _offset(archive: Archive) -> NDArray[Any]:
+    """What is to be added to all times, (1,): 0, or `t_offset`.
+
+    Raises:
+        BadFile: it is no number.
+    """
+    offset = archive.small("t_offset").reshape(-1) if "t_offset" in archive.names else np.zeros(1, np.int64)
+    if offset.shape != (1,) or offset.dtype.kind not in "iuf" or not np.isfinite(offset).all():
+        text = f"{archive.path.name}: its t_offset {offset.tolist()!s:.40} is no number"
+        raise BadFile(text, fix="export it again")
+    return offset
+
+
+def _unit(
+    path: Path, rows: NpzRows, sensor: tuple[int, int] | None, said: TimeUnit | None, *, offset: NDArray[Any]
+) -> TimeUnit:
     """The unit of the times, said or from the first events."""
     _, first = next(rows.blocks(), (0, None))
     if first is None:
@@ -77,18 +95,20 @@ def _unit(path: Path, rows: NpzRows, sensor: tuple[int, int] | None, said: TimeU
     check_polarities(path, p)
     check_pixels(path, x, y)
     height, width = sensor or fitting_sensor((int(whole_pixels(y).max()) + 1, int(whole_pixels(x).max()) + 1))
-    pieces = [np.asarray(t[at : at + PIECE_ROWS], np.float64) for at in range(0, len(t), PIECE_ROWS)]
+    pieces = [np.asarray(t[at : at + PIECE_ROWS], np.float64) + offset for at in range(0, len(t), PIECE_ROWS)]
     times = Times(pieces, step_of(t), height * width, repeat_of(x, y, t))
     return found_unit(path, times, said=said, usual="s" if t.dtype.kind == "f" else "us")
 
 
-def _blocks(rows: NpzRows, unit: TimeUnit, place: tuple[int, Reached]) -> Iterator[tuple[tuple[int, Reached], Events]]:
-    """Blocks of events from a row on, and the state of their counter before each."""
+def _blocks(
+    rows: NpzRows, unit: TimeUnit, place: tuple[int, Reached], added_us: int
+) -> Iterator[tuple[tuple[int, Reached], Events]]:
+    """Blocks of events from a row on, all times later by `added_us`, and the state of their counter before each."""
     reached = place[1]
     for row, block in rows.blocks(place[0]):
         events, before = _as_events(block, unit), reached
         t, reached = continued(events.t, before)
-        yield (row, before), Events(events.x, events.y, t, events.p)
+        yield (row, before), Events(events.x, events.y, t + added_us if added_us else t, events.p)
 
 
 def _as_events(columns: list[NDArray[Any]], unit: TimeUnit) -> Events:
@@ -101,6 +121,12 @@ def _as_events(columns: list[NDArray[Any]], unit: TimeUnit) -> Events:
 
 
 def _map_size(archive: Archive) -> tuple[int, int] | None:
+    if {"height", "width"} <= set(archive.names):
+        sides = [archive.small(side).reshape(-1) for side in ("height", "width")]
+        try:
+            return size_of(np.concatenate(sides), "height and width")
+        except BadInput as error:
+            raise BadFile(f"{archive.path.name}: {error.problem}", fix="give it with --sensor WxH") from error
     for name in ("depth", "mask"):
         if name in archive.names and len(shape := archive.header(name).shape) >= 2:
             return shape[-2], shape[-1]

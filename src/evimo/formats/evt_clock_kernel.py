@@ -129,10 +129,24 @@ def confirmed(values, at, clock, bits, near, steps):
     if 0 < 16 * step <= near or ahead == 0:
         calm = clock == UNKNOWN or 0 <= step <= near or (step > 0 and steps < STEADY)
         return (near_ones > against or against == 0) and calm
+    if clock == UNKNOWN and near_ones == 0 and steady_after(values, at, bits, near):
+        return False
     asked = min(ahead, NEXT)
     if near_ones >= asked - (asked > 2) and near_ones > against:
         return True
     return step >= 0 and near_ones >= against and in_order(values, at, bits)
+
+
+@njit(nogil=True)
+def steady_after(values, at, bits, near):
+    """Whether some of the words after number `at` go on from each other by small steps: a clock of its own.
+
+    A first word that has none near it, as the last of damage at the beginning, would otherwise count a round too many.
+    """
+    steps = 0
+    for other in range(at + 2, min(at + 1 + MANY, len(values))):
+        steps += 0 <= signed(values[other] - values[other - 1], bits) <= near
+    return steps >= NEXT - 1
 
 
 @njit(nogil=True)

@@ -9,12 +9,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, EvimoWarning, NotFound
+from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
+from evimo.formats.choosing import chosen_of
 from evimo.formats.columns import check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile
-from evimo.formats.hdf5_tables import EventTable, event_tables, require_filters, stored_size
-from evimo.formats.sensors import assumed_sensor, fitting_sensor, whole_pixels
+from evimo.formats.hdf5_tables import EventTable, event_tables, numbers_beside, require_filters, stored_size
+from evimo.formats.sensors import NOWHERE, assumed_sensor, fitting_sensor, size_in_words, whole_pixels
 from evimo.formats.stored_times import PIECE_EVENTS, PIECES, StoredTimes
 from evimo.formats.survey import no_events_in
 from evimo.formats.time_units import NAMES, REPEAT_EVENTS, TimeUnit, repeat_of
@@ -42,13 +43,13 @@ def open_hdf5(
     try:
         file = h5py.File(path, "r")
         tables = event_tables(path, file, columns)
-        table = _chosen(path, tables, topic)
+        table = tables[chosen_of(path, [each.name for each in tables], topic)]
         table.require_whole(path)
         for array, _ in table.columns.values():
             require_filters(path, array)
         if not table.count:
             raise no_events_in(path)
-        reader = _Reader(path, table, said=time_unit, size=sensor or stored_size(path, file, table))
+        reader = _Reader(path, table, said=time_unit, sensor=sensor)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # as h5py has it of damaged files
         raise BadFile(f"{path.name} is HDF5, but damaged or cut short: {error}", fix=CUT) from error
     return EventFile(
@@ -65,12 +66,13 @@ def open_hdf5(
 class _Reader:
     """Packets of one table, from any time on."""
 
-    def __init__(self, path: Path, table: EventTable, *, said: TimeUnit | None, size: tuple[int, int] | None) -> None:
+    def __init__(self, path: Path, table: EventTable, *, said: TimeUnit | None, sensor: tuple[int, int] | None) -> None:
         self._path, self._table = path, table
         *first, polarities = self._stored("xytp", 0, REPEAT_EVENTS)
         check_polarities(path, polarities)
         check_pixels(path, *first[:2])
-        extent = (1, 1) if size else self._extent()
+        extent = (1, 1) if sensor else self._extent()
+        size = sensor or _upright(path, stored_size(path, table), extent)
         height, width = size or fitting_sensor(extent)
         self.times = StoredTimes(
             path,
@@ -81,8 +83,8 @@ class _Reader:
             said=said,
             offset=_offset(path, table),
         )
-        index = _beside(table, "ms_to_idx")
-        self._index = _beside(table, "ms_map_idx") if index is None else index
+        index = numbers_beside(table, "ms_to_idx")
+        self._index = numbers_beside(table, "ms_map_idx") if index is None else index
         self.sensor = size or assumed_sensor(path, extent)
 
     def packets(self, start_us: int) -> Iterator[Events]:
@@ -110,7 +112,7 @@ class _Reader:
         height, width = 1, 1
         for at in np.linspace(0, max(self._table.count - PIECE_EVENTS, 0), PIECES).astype(int).tolist():
             x, y = (whole_pixels(each) for each in self._stored("xy", at, at + PIECE_EVENTS))
-            x, y = x[x < 65535], y[y < 65535]
+            x, y = x[x < NOWHERE], y[y < NOWHERE]
             width, height = max(width, int(x.max(initial=0)) + 1), max(height, int(y.max(initial=0)) + 1)
         return height, width
 
@@ -121,22 +123,16 @@ class _Reader:
             raise BadFile(f"{self._path.name} is damaged near event {first:,}: {error}", fix=CUT) from error
 
 
-def _chosen(path: Path, tables: list[EventTable], topic: str | None) -> EventTable:
-    """The table that `topic` names, whole or by a part; else the one with the most events, with a warning."""
-    names = ", ".join(table.name for table in tables)
-    if topic is not None:
-        wanted = topic.strip("/")
-        fitting = [table for table in tables if table.name.strip("/") == wanted] or [
-            table for table in tables if wanted in table.name
-        ]
-        if len(fitting) != 1:
-            problem = f"{len(fitting)} events in {path.name} fit" if fitting else f"{path.name} holds no events"
-            raise NotFound(f"{problem} --topic {topic}", fix=f"one of: {names}")
-        return fitting[0]
-    if len(tables) > 1:
-        text = f"{path.name} holds events of several cameras: {names}; {tables[0].name} is read, --topic chooses"
-        warnings.warn(text, EvimoWarning, stacklevel=4)
-    return tables[0]
+def _upright(path: Path, stored: tuple[int, int] | None, extent: tuple[int, int]) -> tuple[int, int] | None:
+    """The size that a file tells, its sides swapped, with a warning, where only so it holds the events."""
+    if stored is None or (extent[0] <= stored[0] and extent[1] <= stored[1]):
+        return stored
+    turned = stored[1], stored[0]
+    if extent[0] > turned[0] or extent[1] > turned[1]:
+        return stored
+    text = f"{path.name} tells a sensor of {size_in_words(stored)}, and its events fit only one of"
+    warnings.warn(f"{text} {size_in_words(turned)}: its sides are swapped", EvimoWarning, stacklevel=5)
+    return turned
 
 
 def _offset(path: Path, table: EventTable) -> float:
@@ -145,18 +141,9 @@ def _offset(path: Path, table: EventTable) -> float:
     Raises:
         BadFile: it is no number.
     """
-    offset = _beside(table, "t_offset")
+    offset = numbers_beside(table, "t_offset")
     if offset is None:
         return 0
     if offset.size != 1 or not np.isfinite(offset).all():
         raise BadFile(f"{path.name}: its t_offset {offset.tolist()!s:.40} is no number", fix="export it again")
     return offset.reshape(-1)[0].item()
-
-
-def _beside(table: EventTable, name: str) -> NDArray[Any] | None:
-    """An array of numbers, or a number, that lies beside the events or above them; None where there is none."""
-    parent = table.columns["t"][0].parent
-    for group in (parent, parent.parent):
-        if isinstance(found := group.get(name), h5py.Dataset) and found.dtype.kind in "iuf":
-            return np.asarray(found[()])
-    return None

@@ -159,28 +159,40 @@ def _load_plugin(path: Path, codec: str) -> None:
         ) from error
 
 
-def stored_size(path: Path, file: h5py.File, table: EventTable) -> tuple[int, int] | None:
-    """The sensor's size where attributes tell it, or `calib/resolution` does.
+def beside(table: EventTable, name: str) -> Any:
+    """What lies beside the events or above them by a name, as an attribute or an array; None where nothing does."""
+    array = table.columns["t"][0]
+    for place in (array, array.parent, array.parent.parent, array.file):
+        if name in place.attrs:
+            return place.attrs[name]
+        if place is not array and isinstance(found := place.get(name), h5py.Dataset):
+            return found[()]
+    return None
 
-    The attributes are `geometry`, `width` and `height`, or `sensor_resolution`.
+
+def numbers_beside(table: EventTable, name: str) -> NDArray[Any] | None:
+    """The numbers that lie so; None where what does is none."""
+    found = np.asarray(beside(table, name))
+    return found if found.dtype.kind in "iuf" else None
+
+
+def stored_size(path: Path, table: EventTable) -> tuple[int, int] | None:
+    """The sensor's size by `geometry`, `width` and `height`, `sensor_resolution`, or `calib/resolution`.
 
     Raises:
         BadFile: what they tell is no size.
     """
-    array = table.columns["t"][0]
-    for place in (array, array.parent, array.parent.parent, file):
-        attributes: Any = place.attrs
-        if isinstance(written := attributes.get("geometry"), str | bytes):
-            found = re.findall(r"\d+", written if isinstance(written, str) else written.decode(errors="replace"))
-            return _size(path, "geometry", written, found[::-1])
-        if {"width", "height"} <= set(attributes):
-            rows_first = [attributes["height"], attributes["width"]]
-            return _size(path, "width and height", " ".join(map(str, rows_first[::-1])), rows_first)
-        if np.shape(rows_first := attributes.get("sensor_resolution")) == (2,):  # of e2vid and its relatives
-            return _size(path, "sensor_resolution", rows_first, list(rows_first))
-    resolution = array.parent.get("calib/resolution")
-    if isinstance(resolution, h5py.Dataset) and resolution.shape == (2,):
-        return _size(path, "calib/resolution", resolution[:], list(resolution[:][::-1]))
+    if isinstance(written := beside(table, "geometry"), str | bytes):
+        found = re.findall(r"\d+", written if isinstance(written, str) else written.decode(errors="replace"))
+        return _size(path, "geometry", written, found[::-1])
+    rows_first = [beside(table, side) for side in ("height", "width")]
+    if all(np.size(each) == 1 and each is not None for each in rows_first):
+        rows_first = [np.reshape(each, ()).item() for each in rows_first]
+        return _size(path, "width and height", " ".join(map(str, rows_first[::-1])), rows_first)
+    if np.shape(resolution := beside(table, "sensor_resolution")) == (2,):  # of e2vid and its relatives
+        return _size(path, "sensor_resolution", resolution, list(resolution))
+    if np.shape(resolution := beside(table, "calib/resolution")) == (2,):
+        return _size(path, "calib/resolution", resolution, list(resolution[::-1]))
     return None
 
 

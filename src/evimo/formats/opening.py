@@ -19,6 +19,8 @@ OPTIONS: dict[Kind, set[str]] = {
     "evimo_npz": {"time_unit", "columns"},
     "evimo2": {"time_unit"},
     "hdf5": {"time_unit", "columns", "topic"},
+    "aedat3": {"topic"},
+    "aedat4": {"topic"},
     "rosbag1": {"topic"},
     "rosbag2": {"topic"},
     "text": {"time_unit", "columns"},

@@ -9,7 +9,7 @@ from evimo.errors import BadFile
 from evimo.formats.clock_rules import NO_TIME
 from evimo.formats.event_file import EventFile
 from evimo.formats.event_record_kernel import decode_dat
-from evimo.formats.prophesee_header import Header, header
+from evimo.formats.prophesee_header import Header, header, sample
 from evimo.formats.word_file import WordFile, open_words
 
 CHANGES = (0x00, 0x0C)  # types of event that are changes of brightness
@@ -32,10 +32,19 @@ def open_prophesee_dat(path: Path, sensor: tuple[int, int] | None = None) -> Eve
 
 
 def _version(path: Path, head: Header) -> int:
-    told = head.fields.get("Version", "2")
-    if told not in {str(version) for version in BITS}:
+    """The version by the header; where that is silent, 1 if no event has more bits than it has.
+
+    Raises:
+        BadFile: another.
+    """
+    told = head.fields.get("Version")
+    if told is None:
+        raw = sample(path, head.length + 2)
+        addresses = np.frombuffer(raw, "<u4", len(raw) // 8 * 2)[1::2]
+        return 2 if np.any(addresses >> BITS[1][2] + 1) else 1
+    if told.removesuffix(".0") not in {str(version) for version in BITS}:
         raise BadFile(f"{path.name} is DAT version {told}; 1 and 2 are read", fix="export it again, as RAW or CSV")
-    return int(told)
+    return int(told.removesuffix(".0"))
 
 
 def _check_kind(path: Path, offset: int) -> None:

@@ -15,18 +15,14 @@ LONGEST_BYTES = 1 << 16
 SAMPLE_BYTES = 1 << 18
 LINE = re.compile(rb"%[\t\x20-\x7e\x80-\xff]*\r?\n")
 END = re.compile(rb"% *end *\r?\n")
-RAW_MARK = re.compile(rb"^% *(evt +\d|format +EVT|plugin_name|integrator_name|camera_integrator_name)", re.MULTILINE)
+RAW_MARK = re.compile(
+    rb"^% *((?i:evt +\d|format +evt)|plugin_name|integrator_name|camera_integrator_name)", re.MULTILINE
+)
 DAT_MARK = re.compile(rb"^% *Data file containing", re.MULTILINE)
 ENCODINGS: dict[str, Encoding] = {
-    "2.0": "EVT2",
-    "2": "EVT2",
-    "EVT2": "EVT2",
-    "2.1": "EVT21",
-    "EVT21": "EVT21",
-    "EVT2.1": "EVT21",
-    "3.0": "EVT3",
-    "3": "EVT3",
-    "EVT3": "EVT3",
+    **dict.fromkeys(("2.0", "2", "20"), "EVT2"),
+    **dict.fromkeys(("2.1", "21"), "EVT21"),
+    **dict.fromkeys(("3.0", "3", "30"), "EVT3"),
 }
 # (height, width) by what old headers tell of the camera, the first that is found in them.
 SENSORS = {"genx320": (320, 320), "gen4": (720, 1280), "imx636": (720, 1280), "imx646": (720, 1280), "gen3": (480, 640)}
@@ -84,8 +80,8 @@ def encoding(path: Path, head: Header) -> Encoding:
         BadFile: it names another, or the content is of none.
     """
     named = head.fields.get("format", "").partition(";")[0] or head.fields.get("evt", "")
-    if named in ENCODINGS:
-        return ENCODINGS[named]
+    if (number := re.sub(r"(?i)^evt[ _]?", "", named)) in ENCODINGS:
+        return ENCODINGS[number]
     if named:
         raise BadFile(
             f"{path.name} is a Prophesee recording in {named}, which is not supported",

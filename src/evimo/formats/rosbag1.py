@@ -7,6 +7,7 @@ import bz2
 import struct
 from collections.abc import Iterator, Set
 from dataclasses import dataclass, field
+from itertools import repeat
 from pathlib import Path
 from typing import IO
 
@@ -14,6 +15,7 @@ from evimo.errors import BadFile
 from evimo.formats.bag_messages import Connection, Message
 
 MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 5, 6, 7
+MOST_MESSAGES = 1 << 16  # of a chunk, whatever a damaged index says
 UNPACK_U4 = struct.Struct("<I").unpack_from
 
 
@@ -69,17 +71,28 @@ class Rosbag1:
             yield from self._of_chunk(chunk, wanted)
 
     def _of_chunk(self, chunk: ChunkPlace, wanted: Set[int]) -> Iterator[Message]:
-        with self.path.open("rb") as file:
-            file.seek(chunk.offset)
-            _, fields = _header(file)
-            body = _unpacked(file.read(_u4(file)), fields)
-        for op, fields, payload in _records(body):
+        """The messages of a chunk; in place of each that the index counts and damage has taken, one without bytes."""
+        missing = {name: count for name, count in chunk.counts.items() if name in wanted}
+        for op, fields, payload in _records(self._body(chunk)):
             try:
                 connection, time_ns = UNPACK_U4(fields[b"conn"])[0], _time(fields[b"time"])
             except (KeyError, struct.error):  # of another kind, or damaged
                 continue
             if op == MESSAGE and connection in wanted:
+                missing[connection] = missing.get(connection, 0) - 1
                 yield Message(connection, time_ns, payload)
+        for connection, count in missing.items():
+            yield from repeat(Message(connection, chunk.stop_ns, memoryview(b"")), min(max(count, 0), MOST_MESSAGES))
+
+    def _body(self, chunk: ChunkPlace) -> memoryview:
+        """The records of a chunk; none where its own header is damaged."""
+        with self.path.open("rb") as file:
+            file.seek(chunk.offset)
+            try:
+                _, fields = _header(file)
+                return _unpacked(file.read(_u4(file)), fields)
+            except (struct.error, KeyError, EOFError):
+                return memoryview(b"")
 
 
 def open_bag(path: Path) -> Rosbag1:
@@ -181,12 +194,16 @@ def _records(body: memoryview) -> Iterator[tuple[int, dict[bytes, bytes], memory
         if stop > len(body):
             return
         fields = _fields(bytes(body[at + 4 : data_at]))
+        if not fields.get(b"op"):  # what follows a damaged record cannot be found
+            return
         yield fields[b"op"][0], fields, body[data_at + 4 : stop]
         at = stop
 
 
 def _header(file: IO[bytes]) -> tuple[int, dict[bytes, bytes]]:
     fields = _fields(file.read(_u4(file)))
+    if not fields.get(b"op"):
+        raise EOFError
     return fields[b"op"][0], fields
 
 

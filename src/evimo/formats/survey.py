@@ -12,6 +12,7 @@ from evimo.errors import BadFile
 from evimo.events.events import Events, no_events
 from evimo.formats.clock import Clock, Faults
 from evimo.formats.event_file import refuse_disorder, refuse_strange_times
+from evimo.formats.sensors import NOWHERE
 
 Place = TypeVar("Place")
 LONG_AGO = int(np.iinfo(np.int64).min)
@@ -53,8 +54,14 @@ class Survey(Generic[Place]):
         earliest = int(kept.t.min())
         self.start_us = min(self.start_us, earliest) if self.events else earliest
         self.stop_us = max(self.stop_us, int(kept.t.max()) + 1)
-        self.extent = max(self.extent[0], int(kept.y.max()) + 1), max(self.extent[1], int(kept.x.max()) + 1)
+        self.extent = max(self.extent[0], _extent(kept.y)), max(self.extent[1], _extent(kept.x))
         self.events += len(kept)
+
+
+def _extent(side: NDArray[np.uint16]) -> int:
+    """One more than the largest row or column, but for those outside every sensor."""
+    largest = int(side.max())
+    return (largest if largest < NOWHERE else int(side[side < NOWHERE].max(initial=0))) + 1
 
 
 def surveyed(path: Path, blocks: Iterable[tuple[Place, Events]]) -> Survey[Place]:

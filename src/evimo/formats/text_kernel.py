@@ -11,6 +11,7 @@ from evimo.formats.clock_rules import MOST_US, NO_TIME
 
 NEWLINE, SPACE, TAB, RETURN, COMMA, SEMICOLON, QUOTE, APOSTROPHE = 10, 32, 9, 13, 44, 59, 34, 39
 MINUS, PLUS, DOT, ZERO, NINE, LOWER_E, UPPER_E = 45, 43, 46, 48, 57, 101, 69
+LONG_MINUS = np.array([0xE2, 0x88, 0x92], np.uint8)  # U+2212, as some spreadsheets write it, in UTF-8
 HASH, PERCENT = 35, 37
 OUTSIDE = 65535
 POWERS = 10 ** np.arange(19, dtype=np.int64)
@@ -46,8 +47,10 @@ def number(raw, at):
     Returns value, exponent, whether it has a decimal point and no exponent, and the position after it; -1 there if
     it is no number.
     """
-    negative = raw[at] == MINUS
-    start = at + 1 if negative or raw[at] == PLUS else at
+    long = at + 2 < len(raw) and raw[at] == LONG_MINUS[0] and raw[at + 1] == LONG_MINUS[1]
+    long = long and raw[at + 2] == LONG_MINUS[2]
+    negative = raw[at] == MINUS or long
+    start = at + (3 if long else 1) if negative or raw[at] == PLUS else at
     value, dropped, at = digits(raw, start, np.int64(0), 0)
     count, exponent, point = at - start, dropped, False
     if at < len(raw) and raw[at] == DOT:

@@ -1,10 +1,11 @@
-"""How the lines of a text file are to be read: what its heading says, what its columns hold, the unit of its times."""
+"""How the lines of a text file are to be read: by what its heading says, what its columns hold, and its times."""
 
 import re
 import warnings
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation, Overflow
 from pathlib import Path
+from statistics import mode
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,31 +14,23 @@ from evimo.errors import BadFile, EvimoWarning
 from evimo.formats.columns import (
     found_columns,
     named_columns,
-    named_unit,
+    refuse_named_parts,
     refuse_normalised,
     refuse_split_times,
     said_columns,
 )
-from evimo.formats.sensors import fitting_sensor
+from evimo.formats.sensors import NOWHERE, fitting_sensor
 from evimo.formats.survey import no_events_in
+from evimo.formats.text_heading import NUMBER, Heading, heading_of, named_words
 from evimo.formats.text_kernel import parse_lines
 from evimo.formats.text_source import TextSource
 from evimo.formats.time_units import POWERS, Times, TimeUnit, found_unit, is_plausible, repeat_of
 
-HEADING_LINES = 100
 SAMPLE_LINES = 500  # of each piece: 0.01 s to read
 SHARES = np.linspace(0.1, 0.97, 7)  # of the file, where more pieces are looked at
 SAMPLE_BYTES = 1 << 15
 SPACES = re.compile(r"[\s,;\"']+")
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|[-+]?inf|true|false|on|off", re.IGNORECASE)
 TRUTH = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
-SIDES = r"(\d{2,5})\s*[,;x×\s]\s*(\d{2,5})"
-SIZES = (
-    rf"[#%].*?geometry\W*{SIDES}",
-    rf"[#%](?!.*(?:pixel|window|block|packet).?size).*?(?:resolution|size|sensor)\W*{SIDES}",
-    r".*?width\W*(\d+)\W*height\W*(\d+)",
-    rf"\W*{SIDES}\W*$",
-)
 CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?")  # a word of its own, behind a date
 COLUMNS = np.array([4, 0, 1, 2, 3])  # roles of _ t x y p, as `text_kernel` has them
 
@@ -77,20 +70,6 @@ def roles_of(columns: str) -> NDArray[np.int64]:
     return COLUMNS[["_txyp".index(letter) for letter in columns]]
 
 
-@dataclass(slots=True)
-class Heading:
-    """What comes before the first event: how long it is, and what it says of columns, unit and sensor.
-
-    unknown: a line that may name columns, but by no known names.
-    """
-
-    length: int = 0
-    columns: str | None = None
-    unit: TimeUnit | None = None
-    sensor: tuple[int, int] | None = None
-    unknown: str = ""
-
-
 def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | None, dotted: bool = False) -> Layout:
     """Find the layout of a text file; what the user says of unit and columns is not guessed.
 
@@ -98,16 +77,16 @@ def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | Non
         BadFile: there are no lines of numbers, or no sense in them.
     """
     lines = _beginning(source)
-    heading = _heading(lines)
+    heading = heading_of(lines)
     pieces = [rows for raw in (lines[heading.length :], *_further(source)) if (rows := _rows(raw))]
     if not pieces:
         raise _no_numbers(source.path, lines)
-    width = len(pieces[0][0])
+    width = mode(len(row) for rows in pieces for row in rows)
     pieces = [[row for row in rows if len(row) == width] for rows in pieces]
-    sample = _numbers([row for rows in pieces for row in rows])
+    sample, shown = _numbers([row for rows in pieces for row in rows]), next(row for rows in pieces for row in rows)
     if not columns and len(heading.columns or "") != width:
-        _refuse_words(source.path, [[word for word in pieces[0][0] if CLOCK.fullmatch(word)]])
-    order = _order(source.path, heading, columns, sample, " ".join(pieces[0][0])[:60])
+        _refuse_words(source.path, [[word for word in shown if CLOCK.fullmatch(word)]])
+    order = _order(source.path, heading, columns, sample, " ".join(shown)[:60])
     written = [[row[order.index("t")] for row in rows] for rows in pieces if rows]
     _refuse_words(source.path, written)
     refuse_normalised(source.path, *(sample[:, order.index(letter)] for letter in "xy"))
@@ -133,17 +112,14 @@ def _order(path: Path, heading: Heading, said: str | None, sample: NDArray[np.fl
         BadFile: they are not as many, or nothing tells; or times lie in two of them.
     """
     width = sample.shape[1]
+    if not said:
+        refuse_named_parts(path, heading.words, sample)
     if said:
         order = said_columns(said)
     elif heading.columns and width in (len(heading.columns), len(heading.columns.strip("_"))):
         order = heading.columns if len(heading.columns) == width else heading.columns.strip("_")
     else:
-        order = found_columns(path, sample, shown)
-        if len(_named_words(heading.unknown)) == width:
-            text = (
-                f"{path.name}: its heading {heading.unknown[:60]!r} names no columns that are known: taken as {order}"
-            )
-            warnings.warn(f"{text}; --columns says their order", EvimoWarning, stacklevel=6)
+        order = _guessed(path, heading, sample, shown)
     if len(order) != width:
         raise BadFile(
             f"{path.name} has {width} columns in {shown!r}, not the {len(order)} of {order!r}",
@@ -151,6 +127,29 @@ def _order(path: Path, heading: Heading, said: str | None, sample: NDArray[np.fl
         )
     if not said:
         refuse_split_times(path, sample, order)
+    return order
+
+
+def _guessed(path: Path, heading: Heading, sample: NDArray[np.float64], shown: str) -> str:
+    """The letters of the columns from what they hold; a warning says so where a heading does not fit them.
+
+    Raises:
+        BadFile: nothing tells.
+    """
+    width = sample.shape[1]
+    named = heading.columns and f"its heading names {len(heading.columns)} columns, and its lines hold {width}"
+    try:
+        order = found_columns(path, sample, shown)
+    except BadFile as error:
+        if not named:
+            raise
+        fix = "write whole numbers without marks for thousands; or name the columns with --columns, as in txyp"
+        raise BadFile(f"{path.name}: {named}, as in {shown!r}", fix=fix) from error
+    if not named and len(named_words(heading.unknown)) == width:
+        named = f"its heading {heading.unknown[:60]!r} names no columns that are known"
+    if named and order != f"_{heading.columns}":  # before which rows are counted
+        text = f"{path.name}: {named}: taken as {order}; --columns says their order"
+        warnings.warn(text, EvimoWarning, stacklevel=7)
     return order
 
 
@@ -185,47 +184,13 @@ def _rows(raw: bytes) -> list[list[str]]:
     return rows[:SAMPLE_LINES]
 
 
-def _heading(raw: bytes) -> Heading:
-    heading = Heading(length=3 if raw.startswith(b"\xef\xbb\xbf") else 0)
-    for line in raw[heading.length :].split(b"\n")[:HEADING_LINES]:
-        text = line.decode(errors="replace").strip()
-        words = _named_words(text)
-        numbers = [bool(NUMBER.fullmatch(word)) for word in words if word]
-        if sum(numbers) > 2 and (text[0].isdecimal() or (numbers[0] and text[0] not in "#%")):
-            break
-        _heed(heading, text, words)
-        heading.length += len(line) + 1
-    return heading
-
-
-def _named_words(text: str) -> list[str]:
-    """The words of a line that may name columns, comment or not."""
-    plain = text.lstrip("#% ")
-    return [word.strip(" \"'") for word in re.split(r"[,;\t]" if re.search(r"[,;\t]", plain) else r"\s+", plain)]
-
-
-def _heed(heading: Heading, text: str, words: list[str]) -> None:
-    """Take over what a line of the heading says: the sensor's size, names of columns, faery's `x@1280`."""
-    if size := next((found for form in SIZES if (found := re.match(form, text, re.IGNORECASE))), None):
-        heading.sensor = int(size[2]), int(size[1])
-    named = named_columns(words) or named_columns(text.lstrip("#% ").split())
-    is_prose = text[:1] in ("#", "%") or any(NUMBER.fullmatch(word) for word in words)
-    heading.unknown = "" if named or is_prose else text
-    if named:
-        heading.columns = named
-        heading.unit = named_unit(words, named) if len(words) == len(named) else None
-        sizes = {name: int(size) for name, size in re.findall(r"\b([xy])@(\d+)", text)}
-        if len(sizes) == 2:
-            heading.sensor = sizes["y"], sizes["x"]
-
-
 def _numbers(rows: list[list[str]]) -> NDArray[np.float64]:
     return np.array([[_number(word) for word in row] for row in rows], np.float64)
 
 
 def _number(word: str) -> float:
     try:
-        return float(word)
+        return float(word.replace("\u2212", "-"))
     except ValueError:
         return TRUTH.get(word.lower(), np.nan)
 
@@ -233,7 +198,7 @@ def _number(word: str) -> float:
 def _times(written: list[list[str]], sample: NDArray[np.float64], order: str) -> Times:
     """What the sampled lines tell of the unit."""
     x, y = (sample[:, order.index(letter)] for letter in "xy")
-    extent = [int(np.max(side[np.isfinite(side)], initial=0)) + 1 for side in (y, x)]
+    extent = [int(np.max(side[side < NOWHERE], initial=0)) + 1 for side in (y, x)]
     height, width = fitting_sensor((extent[0], extent[1]))
     pieces = [np.array([_number(time) for time in times], np.float64) for times in written]
     return Times(pieces, _step([time for times in written for time in times]), height * width)

@@ -22,6 +22,7 @@ ZSTD = re.compile(rb"\x28\xb5\x2f\xfd|[\x50-\x5f]\x2a\x4d\x18")  # a frame, or o
 BRACKETS = b"[](){}|"
 BETWEEN = re.compile(rb"[;\t ]+")
 COMMA = re.compile(rb"[-+]?\d+,(\d+)")
+THOUSANDS = re.compile(rb"[\"']\d{1,3}(,\d{3})+[\"']")  # as spreadsheets quote them
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,12 +129,15 @@ def _has_decimal_commas(path: Path, rows: list[bytes]) -> bool:
         BadFile: they do, and may as well stand for thousands.
     """
     words = [BETWEEN.split(row) for row in rows]
-    if not rows or any(len(row) < 4 or any(COMMA.fullmatch(w) is None and b"," in w for w in row) for row in words):
-        return False
-    places = [match[1] for row in words for word in row if (match := COMMA.fullmatch(word))]
-    if 2 * len(places) < len(rows):
-        return False
-    if all(len(place) == 3 for place in places):
+    thousands = 2 * sum(bool(THOUSANDS.search(row)) for row in rows) > len(rows)
+    if not thousands:
+        if not rows or any(len(row) < 4 or any(COMMA.fullmatch(w) is None and b"," in w for w in row) for row in words):
+            return False
+        places = [match[1] for row in words for word in row if (match := COMMA.fullmatch(word))]
+        if 2 * len(places) < len(rows):
+            return False
+        thousands = all(len(place) == 3 for place in places)
+    if thousands:
         raise BadFile(
             f"{path.name}: commas in numbers such as {rows[-1].decode(errors='replace')[:60]!r} may be decimal points, "
             "or stand for thousands",
