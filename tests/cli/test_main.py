@@ -92,6 +92,17 @@ def test_our_warnings_are_one_line_each_and_come_once(command, capsys):
     assert capsys.readouterr().err == "warning: a guess\nwarning: another\n"
 
 
+def test_the_name_of_a_file_stays_on_its_line(recording, capsys):
+    """Whatever letters it has: some would begin a line, or turn a terminal red."""
+    path = recording.rename(recording.with_name("a\nb\x1b[31m.txt"))
+    assert main(["info", str(path)]) == 0
+    assert main(["run", str(path.with_suffix(".raw"))]) == 2
+    said = capsys.readouterr()
+    assert f"file         {path.parent}/a\\nb\\x1b[31m.txt\n" in said.out
+    assert all(line.startswith(("warning: ", "compiling ", "error: ", "  try: ")) for line in said.err.splitlines())
+    assert "\x1b" not in said.out + said.err
+
+
 def test_warnings_of_others_look_as_ever(command):
     def warn() -> None:
         warnings.warn("old", FutureWarning, stacklevel=2)

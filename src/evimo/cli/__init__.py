@@ -14,7 +14,7 @@ from cyclopts import App, CycloptsError
 
 from evimo.cli.boundary import outcome
 from evimo.compiling import announced
-from evimo.errors import BadInput, EvimoWarning
+from evimo.errors import BadInput, EvimoWarning, in_one_line
 
 COMMANDS = {
     "run": "Find moving objects, depth and motion in a recording.",
@@ -96,7 +96,7 @@ def _warnings_in_one_line() -> Generator[None]:
             usual(message, category, filename, lineno, file, line)
         elif str(message) not in said:
             said.add(str(message))
-            _say(f"warning: {message}")
+            _say(f"warning: {in_one_line(str(message))}")
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", EvimoWarning)
