@@ -70,7 +70,7 @@ def evaluate(
     if without_truth:
         if truth or imu is not None or within_ms is not None:
             raise BadInput("--truth, --imu and --within-ms are for recordings with truth", fix="leave them out")
-        report = _without_truth(paths, reading, model=model or "small", calibration=calibration)
+        report = _without_truth(paths, reading, model=_named(model), calibration=calibration)
     elif truth:
         if model is not None or imu is not None:
             raise BadInput("--model and --imu run a model; --truth scores predictions", fix="leave them or --truth out")
@@ -80,7 +80,7 @@ def evaluate(
             raise BadInput("--within-ms is about predictions", fix="evimo evaluate PREDICTIONS --truth RECORDING...")
         report = evaluating.evaluate(
             paths,
-            model=model or "small",
+            model=_named(model),
             out=out,
             split=split,
             imu=imu or "off",
@@ -88,6 +88,10 @@ def evaluate(
             progress=progress,
         )
     _show(report, out)
+
+
+def _named(model: str | None) -> str:
+    return "small" if model is None else model
 
 
 def _of_predictions(
