@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 import warnings
@@ -7,6 +8,16 @@ import pytest
 from evimo import cli
 from evimo.cli import COMMANDS, main
 from evimo.errors import BadFile, EvimoWarning
+
+
+@pytest.mark.parametrize("columns", ["0", "1"])
+def test_a_terminal_without_columns_is_helped_too(columns):
+    """0 is what some shells say that do not know; a single one kept the layout busy without an end."""
+    known = os.environ | {"COLUMNS": columns}
+    for arguments in (["--help"], ["run", "--help"]):
+        called = [sys.executable, "-m", "evimo", *arguments]
+        said = subprocess.run(called, capture_output=True, text=True, check=True, env=known, timeout=60)
+        assert "Usage: evimo" in " ".join(said.stdout.split())
 
 
 @pytest.fixture

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from evimo.cli.progress import progress
 from evimo.cli.reading import AS_TOLD, Reading
+from evimo.cli.streams import console
 from evimo.errors import BadInput
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.report import Report
@@ -117,7 +117,7 @@ def _without_truth(paths: tuple[Path, ...], reading: Reading, *, model: str, cal
 
 def _show(report: Report, out: Path | None) -> None:
     """Print the report, and save it where that is wanted."""
-    Console(width=max(Console().width, WIDTH)).print(as_rich(report))  # narrower, they fold into letters
+    console(WIDTH).print(as_rich(report))  # narrower, they fold into letters
     if out is not None:
         contents = {"report.json": report.as_json(), "report.csv": report.as_csv(), "report.md": as_markdown(report)}
         save_files(out, contents)
