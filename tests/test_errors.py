@@ -18,6 +18,12 @@ def test_errors_come_back_from_other_processes_as_they_were(kind):
     assert (str(again), again.problem, again.fix) == (str(error), error.problem, error.fix)
 
 
+def test_names_cannot_begin_a_line_or_steer_a_terminal():
+    error = BadFile("a\nb\x1b[31m é: no recording", fix="another\rfile")
+    assert str(error) == "a\\nb\\x1b[31m é: no recording\n  try: another\\rfile"
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
 @pytest.fixture
 def installed_from(monkeypatch):
     """Makes pip's note of where the package came from say this."""

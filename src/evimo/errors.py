@@ -1,6 +1,7 @@
 """What the user can fix: errors that say how, and the one kind of warning."""
 
 import json
+import re
 import sys
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution
@@ -11,13 +12,22 @@ from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
 
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+"""Letters of names that would begin a line of their own, or tell a terminal what to do."""
+
+
+def in_one_line(text: str) -> str:
+    """Return a text for a terminal: line breaks and other letters that steer it, as names may have them, as escapes."""
+    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
 class EvimoError(Exception):
     """The user can fix this; the message says how."""
 
     def __init__(self, problem: str, *, fix: str) -> None:
-        super().__init__(f"{problem}\n  try: {fix}")
-        self.problem = problem
-        self.fix = fix
+        self.problem = in_one_line(problem)
+        self.fix = in_one_line(fix)
+        super().__init__(f"{self.problem}\n  try: {self.fix}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """How it comes back from a worker process."""

@@ -4,6 +4,7 @@ import errno
 import os
 import shutil
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -47,8 +48,12 @@ def _take(lock: BinaryIO, *, unsure: bool) -> bool:
 
 
 def remove(folder: Path, lock: BinaryIO) -> None:
-    """Remove a hidden folder whose lock we have; the lock last, and on Windows after it is closed."""
-    if sys.platform != "win32":
+    """Remove a hidden folder whose lock we have, and nothing of who makes and locks a folder of that name meanwhile."""
+    if sys.platform == "win32":  # nothing that is open can be removed there
+        lock.close()
         shutil.rmtree(folder, ignore_errors=True)
-    lock.close()
+        return
     shutil.rmtree(folder, ignore_errors=True)
+    lock.close()
+    with suppress(OSError):  # a network disk keeps the name of an open file until it is closed
+        folder.rmdir()

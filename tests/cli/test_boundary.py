@@ -86,6 +86,26 @@ def test_some_commands_finish_what_they_are_at_and_the_second_signal_breaks_off(
     assert capsys.readouterr().err.startswith("stopping after this slice")
 
 
+@pytest.mark.parametrize("numbers", [(signal.SIGINT,) * 3, (signal.SIGHUP, signal.SIGTERM)])
+def test_signals_do_not_break_off_the_cleaning_up_after_the_first(numbers, capsys, monkeypatch):
+    cleaned = []
+
+    def command():
+        try:
+            os.kill(os.getpid(), numbers[0])
+        finally:
+            for number in numbers[1:]:
+                os.kill(os.getpid(), number)
+            cleaned.append(1)
+
+    assert outcome(command) == 128 + numbers[0]
+    assert cleaned == [1]
+    monkeypatch.setattr("evimo.cli.stopping.PAUSE_S", -1.0)
+    assert outcome(command) == 128 + numbers[1]
+    assert cleaned == [1], "what takes too long can be broken off"
+    assert len(capsys.readouterr().err.splitlines()) == 2
+
+
 def test_a_signal_that_is_ignored_stays_ignored(monkeypatch):
     """As nohup wants it."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)

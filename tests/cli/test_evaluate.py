@@ -242,6 +242,8 @@ def test_a_folder_without_recordings_is_one_error(tmp_path, capsys):
 def test_a_model_that_is_not_there_is_one_error(recordings, capsys):
     assert main(["evaluate", str(recordings), "--model", "nowhere.onnx"]) == 2
     assert "no model 'nowhere.onnx'" in capsys.readouterr().err
+    for how in ([], ["--without-truth"]):  # as of a variable that a script forgot to set
+        assert main(["evaluate", str(recordings), *how, "--model", ""]) == 2
 
 
 def test_the_classical_method_is_named_by_its_parameters_and_needs_no_weights(

@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 import warnings
@@ -7,6 +8,16 @@ import pytest
 from evimo import cli
 from evimo.cli import COMMANDS, main
 from evimo.errors import BadFile, EvimoWarning
+
+
+@pytest.mark.parametrize("columns", ["0", "1"])
+def test_a_terminal_without_columns_is_helped_too(columns):
+    """0 is what some shells say that do not know; a single one kept the layout busy without an end."""
+    known = os.environ | {"COLUMNS": columns}
+    for arguments in (["--help"], ["run", "--help"]):
+        called = [sys.executable, "-m", "evimo", *arguments]
+        said = subprocess.run(called, capture_output=True, text=True, check=True, env=known, timeout=60)
+        assert "Usage: evimo" in " ".join(said.stdout.split())
 
 
 @pytest.fixture
@@ -90,6 +101,17 @@ def test_our_warnings_are_one_line_each_and_come_once(command, capsys):
     command(warn)
     assert main(["info"]) == 0
     assert capsys.readouterr().err == "warning: a guess\nwarning: another\n"
+
+
+def test_the_name_of_a_file_stays_on_its_line(recording, capsys):
+    """Whatever letters it has: some would begin a line, or turn a terminal red."""
+    path = recording.rename(recording.with_name("a\nb\x1b[31m.txt"))
+    assert main(["info", str(path)]) == 0
+    assert main(["run", str(path.with_suffix(".raw"))]) == 2
+    said = capsys.readouterr()
+    assert f"file         {path.parent}/a\\nb\\x1b[31m.txt\n" in said.out
+    assert all(line.startswith(("warning: ", "compiling ", "error: ", "  try: ")) for line in said.err.splitlines())
+    assert "\x1b" not in said.out + said.err
 
 
 def test_warnings_of_others_look_as_ever(command):

@@ -91,6 +91,7 @@ def changed(column, value):
         (np.array(["a"]), r"ndarray \(1,\) holds no events"),
         (np.zeros(2, [("t", "i8"), ("x", "u2"), ("y", "u2")]), "fields t, x, y holds no events"),
         ([1, 2, 3], "list holds no events"),
+        (np.ma.masked_equal(ROWS, ROWS[0, 0]), "some values of the events are masked"),
         (None, "NoneType holds no events"),
         (Events(np.zeros(2, "u2"), np.zeros(3, "u2"), np.arange(2), np.ones(2, "i1")), "do not fit together"),
         (Events(np.zeros((2, 2), "u2"), *(np.zeros((2, 2), "i8"),) * 3), "do not fit together"),

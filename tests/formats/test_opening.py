@@ -106,6 +106,8 @@ def test_a_pipe_is_refused_rather_than_waited_for(tmp_path):
     for path in tmp_path / "recording.raw", Path(os.devnull):
         with pytest.raises(BadFile, match="is a pipe or a device"):
             open_events(path)
+    with pytest.raises(BadFile, match="no EVIMO2 recording"):
+        open_events(tmp_path)
 
 
 @pytest.mark.parametrize("heading", ["99999 99999", "%geometry:90000,90000", "t,x@70000,y@70000,p"])

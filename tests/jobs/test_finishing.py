@@ -1,6 +1,8 @@
 """Jobs done by this process and by several: the same results, errors and warnings, whoever dies."""
 
 import os
+import signal
+import subprocess
 import sys
 import time
 import warnings
@@ -40,6 +42,22 @@ def test_processes_share_the_cores_and_work_in_the_folder_of_this_one(tmp_path, 
     found = done(work("where", Path("some")), range(8), Crew(workers=2))
     assert {each[1:] for each in found} == {(str(tmp_path / "some"), 3)}
     assert os.getpid() not in {each[0] for each in found} and len({each[0] for each in found}) <= 2
+
+
+def test_processes_are_deaf_to_ctrl_c_from_their_beginning(monkeypatch, capfd):
+    """A terminal sends it to them as well, and they would tell of it while they import what they need."""
+    usual = subprocess.Popen
+
+    def interrupted(*of, **how):
+        process = usual(*of, **how)
+        process.send_signal(signal.SIGINT)
+        return process
+
+    monkeypatch.setattr(subprocess, "Popen", interrupted)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", EvimoWarning)
+        assert sorted(done(work("squared"), range(3))) == [0, 1, 4]
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def test_a_process_that_is_killed_costs_its_job_only_and_it_is_done_again(tmp_path):

@@ -1,5 +1,6 @@
 """Predictions that do not fit the recording, or can be read in two ways, are one error."""
 
+import os
 from pathlib import Path
 
 import cv2
@@ -219,3 +220,15 @@ def test_hdf5_that_breaks_inside_is_one_error(save_estimates, truth, all_ids, tm
     monkeypatch.setattr(*part, broken)
     refused(path.parent, truth, BadFile, "is damaged: bad heap signature")
     refused(path, truth, BadFile, "is damaged: bad heap signature")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are named pipes")
+def test_pipes_are_refused_rather_than_waited_for(truth, tmp_path):
+    for name in ("pipe.csv", "pipe.h5", "pictures/000012500.png"):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        os.mkfifo(path)
+    refused(tmp_path / "pipe.csv", truth, BadFile, "is a pipe or a device")
+    refused(tmp_path / "pipe.h5", truth, BadFile, "is a pipe or a device")
+    refused(Path(os.devnull), truth, BadFile, "is a pipe or a device")
+    refused(tmp_path / "pictures", truth, BadFile, "holds no predictions")

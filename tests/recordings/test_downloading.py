@@ -179,3 +179,19 @@ def test_two_at_once_do_not_write_to_one_file(server, tmp_path, capsys):
     assert "another process fetches eval_box_npz.tar.gz" in capsys.readouterr().err
     assert (tmp_path / "eval_box_npz.tar.gz").read_bytes() == CONTENT
     assert sorted(path.name for path in tmp_path.iterdir()) == ["SHA256SUMS", "eval_box_npz.tar.gz"]
+
+
+def test_one_that_ends_while_another_begins_is_in_nobodys_way(server, tmp_path, monkeypatch):
+    """It removes the hidden folder after the other one has found it, and before that one has locked it."""
+    usual, ends = downloading.locked, [True]
+
+    def locked(folder, *, unsure):
+        if ends:
+            ends.pop()
+            folder.rmdir()
+        return usual(folder, unsure=unsure)
+
+    monkeypatch.setattr(downloading, "locked", locked)
+    (tmp_path / ".eval_box_npz.tar.gz.fetching").mkdir()
+    assert fetched(server, tmp_path) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["SHA256SUMS", "eval_box_npz.tar.gz"]

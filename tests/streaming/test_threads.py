@@ -122,3 +122,32 @@ def test_background_fails_on_close_at_the_latest():
     worker.put(1)
     with pytest.raises(OSError, match="disk full"):
         worker.close()
+
+
+def test_what_is_broken_off_while_it_closes_works_on_no_more(monkeypatch):
+    """A signal may come while the last items are waited for, after which a video is closed below its thread."""
+    begun, done = threading.Event(), []
+
+    def work(item):
+        begun.set()
+        time.sleep(0.2)
+        done.append(item)
+
+    worker = Background(work, depth=8)
+    for item in range(5):
+        worker.put(item)
+    begun.wait()
+    signals = [KeyboardInterrupt()]
+    usual = threading.Thread.join
+
+    def join(thread):
+        if signals:
+            raise signals.pop()
+        usual(thread)
+
+    monkeypatch.setattr(threading.Thread, "join", join)
+    with pytest.raises(KeyboardInterrupt):
+        worker.close()
+    assert done == [0]
+    time.sleep(0.3)
+    assert done == [0]

@@ -2,6 +2,7 @@ import itertools
 import os
 import signal
 from dataclasses import asdict, replace
+from multiprocessing.process import BaseProcess
 
 import pytest
 
@@ -96,3 +97,18 @@ def test_a_worker_that_dies_is_missed():
         with pytest.raises(EvimoError, match="has ended"):
             for step in range(1, 50):
                 source(step, range(4))
+
+
+@pytest.mark.slow
+def test_workers_are_deaf_to_ctrl_c_from_their_beginning(monkeypatch, capfd):
+    """A terminal sends it to them as well, and they would tell of it while they import what they need."""
+    usual = BaseProcess.start
+
+    def start(process):
+        usual(process)
+        os.kill(process.pid, signal.SIGINT)
+
+    monkeypatch.setattr(BaseProcess, "start", start)
+    with filming(PLAN, workers=2) as source:
+        assert len(source(0, range(4))) == 4
+    assert "Traceback" not in capfd.readouterr().err

@@ -13,9 +13,11 @@ from typing import Any, TextIO
 from cyclopts import App, CycloptsError
 
 from evimo.cli.boundary import outcome
+from evimo.cli.streams import console
 from evimo.compiling import announced
-from evimo.errors import BadInput, EvimoWarning
+from evimo.errors import BadInput, EvimoWarning, in_one_line
 
+NARROWEST = 20  # columns of an explanation
 COMMANDS = {
     "run": "Find moving objects, depth and motion in a recording.",
     "info": "Say what is in a recording.",
@@ -39,6 +41,7 @@ def app(wanted: str = "") -> App:
     """The parser of all commands; `wanted` explains itself by its whole docstring, the others by one line, unloaded."""
     about = "Moving objects, depth and motion from an event camera."
     parser = App(name="evimo", help=about, version=_version, suppress_keyboard_interrupt=False)
+    parser.console = console(NARROWEST)
     for name, summary in COMMANDS.items():
         function = name.replace("-", "_")
         parser.command(f"evimo.cli.{function}:{function}", name=name, help=None if name == wanted else summary)
@@ -96,7 +99,7 @@ def _warnings_in_one_line() -> Generator[None]:
             usual(message, category, filename, lineno, file, line)
         elif str(message) not in said:
             said.add(str(message))
-            _say(f"warning: {message}")
+            _say(f"warning: {in_one_line(str(message))}")
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", EvimoWarning)

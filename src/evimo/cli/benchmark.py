@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.box import SIMPLE
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -17,6 +16,7 @@ from evimo.benchmark.tables import ResultTable
 from evimo.benchmark.texts import cell
 from evimo.cli.progress import progress
 from evimo.cli.simulate import SIMULATING, pixels_of
+from evimo.cli.streams import console
 from evimo.errors import BadInput, check_installed
 from evimo.evaluation.tables import header
 from evimo.jobs.crew import ALONE, Crew
@@ -83,11 +83,11 @@ def _plan(minutes: float, seed: int, size: str | None) -> "BenchmarkPlan":
 
 def _show(result: Result) -> None:
     """Print the tables."""
-    console = Console(width=max(Console().width, WIDTH))
+    wide = console(WIDTH)
     for table in result.tables:
-        console.print(_drawn(table))
+        wide.print(_drawn(table))
     for verdict in verdicts(result.tables):
-        console.print(Text(verdict))
+        wide.print(Text(verdict))
 
 
 def _drawn(table: ResultTable) -> Table:

@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from evimo.cli.exit_codes import BUG, WRONG_INPUT
 from evimo.cli.stopping import Stopped, stopped_by_signals
 from evimo.cli.streams import NoOutput, guarded_streams
-from evimo.errors import EvimoError
+from evimo.errors import EvimoError, in_one_line
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
@@ -75,9 +75,9 @@ def _of_system(error: OSError, place: Callable[[], object]) -> str | None:
     if number is None:
         return None
     reason = "No space left on device" if number == errno.ENOSPC else error.strerror
-    where = error.filename2 or error.filename or place()
+    where = in_one_line(str(error.filename2 or error.filename or place() or "a file"))
     wrong = "cannot write" if number in FULL else "cannot use"
-    return f"{wrong} {where or 'a file'}: {reason}\n  try: {FIXES.get(number, OTHER_FIX)}"
+    return f"{wrong} {where}: {reason}\n  try: {FIXES.get(number, OTHER_FIX)}"
 
 
 def _is_short_write(error: OSError) -> bool:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from evimo.cli.exit_codes import DEFECTS
 from evimo.cli.reading import AS_TOLD, Reading
+from evimo.errors import in_one_line
 
 
 def check(path: Path, *, reading: Reading = AS_TOLD) -> int:
@@ -23,6 +24,6 @@ def check(path: Path, *, reading: Reading = AS_TOLD) -> int:
     defects = 0
     for finding in findings(path, reading.opened(events)):
         defects += finding.defect
-        print(f"{'!' if finding.defect else ' '} {finding.about:<16}{finding.words}", flush=True)
+        print(f"{'!' if finding.defect else ' '} {finding.about:<16}{in_one_line(finding.words)}", flush=True)
     print(f"{defects} defects" if defects != 1 else "1 defect")
     return DEFECTS if defects else 0

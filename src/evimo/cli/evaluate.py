@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from evimo.cli.progress import progress
 from evimo.cli.reading import AS_TOLD, Reading
+from evimo.cli.streams import console
 from evimo.errors import BadInput
 from evimo.evaluation.baselines import DENSITY_THRESHOLD
 from evimo.evaluation.report import Report
@@ -70,7 +70,7 @@ def evaluate(
     if without_truth:
         if truth or imu is not None or within_ms is not None:
             raise BadInput("--truth, --imu and --within-ms are for recordings with truth", fix="leave them out")
-        report = _without_truth(paths, reading, model=model or "small", calibration=calibration)
+        report = _without_truth(paths, reading, model=_named(model), calibration=calibration)
     elif truth:
         if model is not None or imu is not None:
             raise BadInput("--model and --imu run a model; --truth scores predictions", fix="leave them or --truth out")
@@ -80,7 +80,7 @@ def evaluate(
             raise BadInput("--within-ms is about predictions", fix="evimo evaluate PREDICTIONS --truth RECORDING...")
         report = evaluating.evaluate(
             paths,
-            model=model or "small",
+            model=_named(model),
             out=out,
             split=split,
             imu=imu or "off",
@@ -88,6 +88,10 @@ def evaluate(
             progress=progress,
         )
     _show(report, out)
+
+
+def _named(model: str | None) -> str:
+    return "small" if model is None else model
 
 
 def _of_predictions(
@@ -113,7 +117,7 @@ def _without_truth(paths: tuple[Path, ...], reading: Reading, *, model: str, cal
 
 def _show(report: Report, out: Path | None) -> None:
     """Print the report, and save it where that is wanted."""
-    Console(width=max(Console().width, WIDTH)).print(as_rich(report))  # narrower, they fold into letters
+    console(WIDTH).print(as_rich(report))  # narrower, they fold into letters
     if out is not None:
         contents = {"report.json": report.as_json(), "report.csv": report.as_csv(), "report.md": as_markdown(report)}
         save_files(out, contents)

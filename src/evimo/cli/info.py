@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from evimo.cli.reading import AS_TOLD, Reading
+from evimo.errors import in_one_line
 from evimo.events.gyroscope import Gyroscope
 from evimo.formats import EventFile, FoundCamera
 
@@ -15,7 +16,7 @@ def info(file: Path, *, reading: Reading = AS_TOLD) -> None:
         reading: what the file does not tell.
     """
     for name, value in facts(reading.opened(file)).items():
-        print(f"{name:<13}{value}")
+        print(f"{name:<13}{in_one_line(value)}")
 
 
 def facts(recording: EventFile) -> dict[str, str]:

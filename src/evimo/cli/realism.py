@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from evimo.cli.progress import progress
 from evimo.cli.reading import AS_TOLD, Reading
+from evimo.cli.streams import console
 from evimo.errors import BadInput
 from evimo.evaluation.event_statistics import (
     EventStatistics,
@@ -56,7 +56,7 @@ def realism(*real: Path, simulated: Path, out: Path | None = None, reading: Read
         make_folder(out)
     with progress(sum(whole_slices(each) for each in (*files, *made))) as advance:
         compared = Realism(_statistics(files, advance), _statistics(made, advance))
-    Console(width=max(Console().width, WIDTH)).print(as_rich(compared))  # narrower, it folds into letters
+    console(WIDTH).print(as_rich(compared))  # narrower, it folds into letters
     if out is not None:
         picture = picture_file(drawn(compared), out / "realism.png")
         contents = {"report.md": as_markdown(compared), "realism.json": compared.as_json(), "realism.png": picture}

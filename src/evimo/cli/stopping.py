@@ -1,8 +1,13 @@
-"""Ctrl-C, SIGTERM and SIGHUP: each ends a command as Ctrl-C does, and some commands finish what they are at before."""
+"""Ctrl-C, SIGTERM and SIGHUP: each ends a command as Ctrl-C does, and some commands finish what they are at before.
+
+Signals come several at a time: a key is pressed twice, a terminal that closes and a supervisor tell a whole group.
+Those that follow one that breaks off are passed over for a while, as they would break off the cleaning up.
+"""
 
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from types import FrameType
@@ -11,7 +16,11 @@ from typing import Any
 from evimo.cli.exit_codes import BY_SIGNAL
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # Windows has no SIGHUP, and others no SIGBREAK
+PAUSE_S = 3.0  # a cleaning up that takes longer can be broken off too
 Handler = Callable[[int, FrameType | None], Any]
+
+
+_broken_off: list[float] = []
 
 
 class Stopped(KeyboardInterrupt):
@@ -46,9 +55,10 @@ class Request:
 @contextmanager
 def stopped_by_signals() -> Generator[None]:
     """Raise `Stopped` where a signal arrives, while the `with` lasts."""
+    _broken_off.clear()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        raise Stopped(number)
+        _break_off(number)
 
     with _handled(stop):
         yield
@@ -64,13 +74,22 @@ def asked_to_stop(unit: str, told: Callable[[], None] = lambda: None) -> Generat
 
     def ask(number: int, frame: FrameType | None) -> None:
         if request:
-            raise Stopped(number)
+            _break_off(number)
+            return
         request.number = number
         told()
         print(f"stopping after this {unit}; Ctrl-C again to give up", file=sys.stderr)
 
     with _handled(ask):
         yield request
+
+
+def _break_off(number: int) -> None:
+    """Raise `Stopped`, unless that has just been done."""
+    now_s = time.monotonic()
+    if not _broken_off or now_s - _broken_off[-1] > PAUSE_S:
+        _broken_off.append(now_s)
+        raise Stopped(number)
 
 
 @contextmanager

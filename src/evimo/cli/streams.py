@@ -6,10 +6,21 @@ import sys
 import unicodedata
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
+UNKNOWN = 80  # columns, where a terminal says that it has none
 PLAIN = {"µ": "u", "×": "x", "–": "-", "—": "-", "−": "-", "…": "...", "≥": ">=", "≤": "<=", "·": "*", "°": " deg"}
 """Letters of ours that ASCII has no like of, and what they become."""
+
+
+def console(least: int) -> "Console":
+    """What prints tables on stdout, as wide as the terminal, and `least` columns where it is narrower."""
+    from rich.console import Console
+
+    return Console(width=max(Console().width or UNKNOWN, least))
 
 
 class NoOutput(Exception):

@@ -67,6 +67,8 @@ def _events(given: object) -> Events:
     else:
         shape = f" {given.shape}" if isinstance(given, np.ndarray) else ""
         raise BadInput(f"{type(given).__name__}{shape} holds no events", fix=COLUMNS)
+    if any(np.ma.is_masked(column) for column in columns.values()):
+        raise BadInput("some values of the events are masked", fix="leave these events out: rows[~rows.mask.any(1)]")
     arrays = {name: np.asarray(column) for name, column in columns.items()}
     lengths = {name: array.shape for name, array in arrays.items()}
     if len(set(lengths.values())) > 1 or arrays["t"].ndim != 1:

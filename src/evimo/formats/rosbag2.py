@@ -96,6 +96,8 @@ def is_folder_of_bag(path: Path) -> bool:
 
 def _opener(path: Path) -> tuple[str, Callable[[Path], Db3File | McapFile]] | None:
     """What a file of a bag is and how it is opened, from its first bytes; None where it is none."""
+    if not path.is_file():  # a pipe would be waited for
+        return None
     try:
         with path.open("rb") as file:
             start = file.read(16)

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
+PARENTS = ("SIGINT", "SIGHUP", "SIGBREAK")
+"""What a terminal sends to a whole group of processes, and the parent hears for all."""
 PATIENCE_S = 20.0  # for what is under way to be cleaned up; a compiled function is not interrupted
 
 _at_work = threading.Event()
@@ -19,15 +21,32 @@ class Ended(SystemExit):
     """The process has to end: raised in the middle of its work, so that what is unfinished is removed."""
 
 
+@contextmanager
+def deaf_children() -> Generator[None]:
+    """Let processes that are started while the `with` lasts be deaf to the signals that are the parent's to hear.
+
+    Without it Ctrl-C would end them with a traceback while they import what they need, before they hang on.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _of_parents())
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def hang_on(wait: Callable[[], object]) -> None:
     """Make this process end soon after `wait` returns, or on SIGTERM.
 
     `wait` is called in a thread and must return when the parent is gone, as reading from a pipe does whose other end
     the parent alone holds. Other signals are the parent's to hear.
     """
-    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in _of_parents():
+        signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _of_parents())
     signal.signal(signal.SIGTERM, _end)
     end_after(wait)
 
@@ -49,6 +68,10 @@ def at_work() -> Generator[None]:
         _at_work.clear()
         if _ending.is_set():
             os._exit(0)
+
+
+def _of_parents() -> set[signal.Signals]:
+    return {getattr(signal, name) for name in PARENTS if hasattr(signal, name)}
 
 
 def _wait(wait: Callable[[], object]) -> NoReturn:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from evimo.errors import EvimoError
-from evimo.jobs.lifeline import PATIENCE_S
+from evimo.jobs.lifeline import PATIENCE_S, deaf_children
 from evimo.jobs.outcome import Outcome
 
 TRIES = 3  # processes that may die of one job: a recording that needs too much memory would kill them all
@@ -95,7 +95,8 @@ class _Process:
         command = [sys.executable, "-P", "-m", "evimo.jobs.process", *([str(held)] if held else [])]
         shared = os.environ | {"NUMBA_NUM_THREADS": str(threads)}
         pipe = subprocess.PIPE
-        self._child = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=shared)
+        with deaf_children():
+            self._child = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=shared)
 
     @property
     def has_ended(self) -> bool:

@@ -31,6 +31,8 @@ def open_predictions(path: Path, recording: Recording) -> Predictions:
         raise NotFound(f"no predictions {str(path)!r}", fix=KINDS)
     if path.is_dir():
         return _open_folder(path, recording)
+    if not path.is_file():
+        raise BadFile(f"{path} is a pipe or a device", fix="save it as a file first")
     suffix = path.suffix.lower()
     if suffix == ".h5":
         with opened_h5(path) as file, sound(path):

@@ -94,7 +94,8 @@ def _told_size(path: Path) -> tuple[int, int]:
 
 
 def _pictures_in(folder: Path) -> list[Path]:
-    return [path for path in folder.iterdir() if path.suffix.lower() == ".png" and not path.name.startswith(".")]
+    named = (path for path in folder.iterdir() if path.suffix.lower() == ".png" and not path.name.startswith("."))
+    return [path for path in named if path.is_file()]
 
 
 def _named(folder: Path) -> dict[Path, int]:

@@ -8,10 +8,11 @@ import shutil
 import warnings
 import zlib
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from http.client import HTTPException, HTTPResponse
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 from urllib.error import HTTPError, URLError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
@@ -97,9 +98,7 @@ def fetch(archive: DatasetArchive, folder: Path, progress: Callable[[int], objec
             or another process fetches the same archive.
     """
     fetching = folder / f".{archive.file}.fetching"
-    fetching.mkdir(exist_ok=True)
-    if (lock := locked(fetching, unsure=True)) is None:
-        raise BadInput(f"another process fetches {archive.file} to {folder}", fix="wait for it, or another --out")
+    lock = _lock_of(archive, fetching)
     try:
         target = folder / archive.file
         if target.exists():
@@ -110,6 +109,22 @@ def fetch(archive: DatasetArchive, folder: Path, progress: Callable[[int], objec
         return target
     finally:
         remove(fetching, lock)
+
+
+def _lock_of(archive: DatasetArchive, fetching: Path) -> BinaryIO:
+    """The lock of the hidden folder, which is made; anew where another process ends and removes it meanwhile.
+
+    Raises:
+        BadInput: another process has it.
+    """
+    while True:
+        with suppress(FileExistsError):
+            fetching.mkdir()
+        with suppress(FileNotFoundError):
+            if (lock := locked(fetching, unsure=True)) is not None:
+                return lock
+            problem = f"another process fetches {archive.file} to {fetching.parent}"
+            raise BadInput(problem, fix="wait for it, or another --out")
 
 
 def _fetch_anew(archive: DatasetArchive, target: Path, progress: Callable[[int], object]) -> None:

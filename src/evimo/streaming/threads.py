@@ -89,6 +89,7 @@ class Background(Generic[T]):
         self._work = work
         self._queue: Queue[T | _End] = Queue(depth)
         self._failure: BaseException | None = None
+        self._enough = Event()
         self._thread = Thread(target=self._loop, daemon=True)
         self._thread.start()
 
@@ -97,10 +98,20 @@ class Background(Generic[T]):
         self._hand_over(item)
 
     def close(self) -> None:
-        """Wait until every item is done."""
-        if self._thread.is_alive():
-            self._hand_over(_End())
-        self._thread.join()
+        """Wait until every item is done; if a signal breaks that off, until the one is done that is under way.
+
+        However it ends, nothing works on any more: what `work` writes to may be closed.
+        """
+        try:
+            if self._thread.is_alive():
+                self._hand_over(_End())
+            self._thread.join()
+        except BaseException:
+            self._enough.set()
+            with suppress(Full):  # there is something in it that ends the thread as well
+                self._queue.put_nowait(_End())
+            self._thread.join()
+            raise
         self._raise_failure()
 
     def _hand_over(self, item: T | _End) -> None:
@@ -117,7 +128,7 @@ class Background(Generic[T]):
 
     def _loop(self) -> None:
         try:
-            while not isinstance(item := self._queue.get(), _End):
+            while not isinstance(item := self._queue.get(), _End) and not self._enough.is_set():
                 self._work(item)
         except BaseException as error:  # carried over to the thread that puts
             self._failure = error

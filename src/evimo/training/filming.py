@@ -1,17 +1,19 @@
 """Scenes drawn and filmed by processes beside the training, never stored."""
 
 import os
+import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from multiprocessing.resource_tracker import ensure_running
 
 import numba
 
 from evimo.errors import EvimoError
-from evimo.jobs.lifeline import hang_on
+from evimo.jobs.lifeline import deaf_children, hang_on
 from evimo.recordings.prepared import Prepared
 from evimo.training.data import Samples, samples_of
 from evimo.training.film_plan import FilmPlan
@@ -58,6 +60,8 @@ class _Studio:
 
     def _begin(self, step: int, places: Sequence[int]) -> None:
         context = get_context("spawn")
+        if sys.platform != "win32":
+            ensure_running()  # Python's own process beside, with whose beginning all signals are heard again
         crew = min(self.workers, len(places))
         for number in range(crew):
             own = places[number::crew]
@@ -65,7 +69,8 @@ class _Studio:
             process = context.Process(
                 target=_film, args=(self.plan, own, step, (theirs, self.theirs), crew), daemon=True
             )
-            process.start()
+            with deaf_children():
+                process.start()
             theirs.close()  # the worker then holds the only other end, and its death is noticed
             self.processes.append(process)
             self.lines |= dict.fromkeys(own, mine)
