@@ -12,10 +12,11 @@ from evimo.geometry.calibration_values import Described, Size, described_cameras
 from evimo.geometry.camera import Camera
 
 RECTIFIED = re.compile(r"camRect(\d+)")  # in DSEC's files: what remains of cam0 after rectification is camRect0
+NAMES = {"fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "width", "height"}
 COUNTS = {  # of the numbers in a file of numbers alone: what they are
     4: "fx fy cx cy",
     8: "fx fy cx cy k1 k2 p1 p2",
-    9: "fx fy cx cy k1 k2 p1 p2 k3, or a matrix fx 0 cx 0 fy cy 0 0 1",
+    9: "fx fy cx cy k1 k2 p1 p2 k3, or a matrix fx 0 cx 0 fy cy 0 0 1, before k1 k2 p1 p2 k3 or alone",
 }
 
 
@@ -47,9 +48,11 @@ def load_camera(
     camera = None if camera is None else word_of(camera, "camera", fix="its name in the file, as in 'cam0'")
     text = file_text(path)
     plain = re.sub(r"^\s*[#%].*$", "", text, flags=re.MULTILINE)
-    numbers = [word for word in re.split(r"[\s,;\[\]()]+", plain) if word]
+    numbers = [word for word in re.split(r"[\s,;=\[\]()]+", plain) if word]
     if numbers and all(is_number(number) for number in numbers):
         found = [_of_numbers(path, [float(number) for number in numbers])]
+    elif named := _named_numbers(numbers):
+        found = described_cameras(path, named)
     else:
         found = described_cameras(path, tree_of(path, text))
     if not found:
@@ -134,15 +137,24 @@ def _listed(found: Sequence[Described]) -> str:
     return ", ".join(each.title for each in found)
 
 
+def _named_numbers(words: Sequence[str]) -> dict[str, float]:
+    """Numbers by their names, one before each or all before the first; nothing of any other text."""
+    names = [word.rstrip(":").lower() for word in words if not is_number(word) and word != ":"]
+    values = [float(word) for word in words if is_number(word)]
+    is_whole = len(names) == len(values) == len(set(names)) and {"fx", "fy", "cx", "cy"} <= set(names) <= NAMES
+    return dict(zip(names, values, strict=True)) if is_whole else {}
+
+
 def _of_numbers(path: Path, numbers: list[float]) -> Described:
     """A text of numbers alone: the last two of four coefficients are p1 p2, as EV-IMO's maintainer says of its own."""
-    if len(numbers) not in COUNTS:
+    is_matrix = len(numbers) in (9, 13, 14) and numbers[6:9] == [0, 0, 1] and numbers[1] == numbers[3] == 0
+    if len(numbers) not in COUNTS and not is_matrix:
         raise BadFile(
             f"{path}: {len(numbers)} numbers are no calibration",
             fix=f"one of: {'; '.join(COUNTS.values())}; or {FORMATS}",
         )
-    is_matrix = len(numbers) == 9 and numbers[6:] == [0, 0, 1] and numbers[1] == numbers[3] == 0
-    matrix, distortion = (numbers, []) if is_matrix else (numbers[:4], numbers[4:])
+    first = 9 if is_matrix else 4
+    matrix, distortion = numbers[:first], numbers[first:]
     params = dict(re.findall(r"^\s*(\w+)\s*:\s*(\S+)", beside(path, "params.txt"), re.MULTILINE))
     size = None
     if "res_x" in params and "res_y" in params:  # there, x counts rows

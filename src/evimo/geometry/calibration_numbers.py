@@ -31,7 +31,8 @@ def numbers(where: str, value: Any) -> list[float]:
     """A flat list of finite numbers: of a list, a list of rows, OpenCV's mapping with data, or fx fy cx cy by name."""
     if isinstance(value, dict):
         tree = cast("Tree", value)
-        value = tree.get("data") if "data" in tree else [tree.get(name) for name in ("fx", "fy", "cx", "cy")]
+        names = ("mu", "mv", "u0", "v0") if "mu" in tree else ("fx", "fy", "cx", "cy")  # camodocal's for fisheyes
+        value = tree.get("data") if "data" in tree else [tree.get(name) for name in names]
     listed = list(cast("Sequence[Any]", value)) if isinstance(value, list | tuple) else [value]
     if listed and all(isinstance(row, list) for row in listed) and len(listed) < 64:
         listed = [each for row in listed for each in row[:64]]

@@ -73,7 +73,18 @@ def tree_of(path: Path, text: str) -> Tree:
     tree = _from_yaml(path, text) if tree is None else tree
     if not isinstance(tree, dict):
         raise BadFile(f"{path}: not a calibration", fix=f"give {FORMATS}")
-    return cast("Tree", tree)
+    return _undotted(cast("Tree", tree))
+
+
+def _undotted(tree: Tree) -> Tree:
+    """Keys such as Camera.fx, ORB-SLAM's, as branches; what its `Camera` says holds for Camera1 and Camera2, too."""
+    branches = dict[str, Tree]()
+    for key, value in tree.items():
+        head, _, tail = str(key).partition(".")
+        if tail:
+            branches.setdefault(head, {})[tail] = value
+    shared = branches.get("Camera", {})
+    return tree | {head: shared | inner if head.startswith("Camera") else inner for head, inner in branches.items()}
 
 
 def _from_json(text: str) -> Any:

@@ -1,51 +1,29 @@
 """What the branches of a calibration file say of a camera, under the names that programs give to the same numbers."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 from evimo.errors import BadFile, BadInput
-from evimo.geometry.calibration_numbers import numbers, pinhole, shown, sizes
+from evimo.geometry.calibration_lenses import first_of, lens_kind, told_lens
+from evimo.geometry.calibration_numbers import numbers, pinhole, sizes
 from evimo.geometry.calibration_trees import Tree
-from evimo.geometry.camera import COEFFICIENTS, Camera, Lens
+from evimo.geometry.camera import COEFFICIENTS, Camera
 
 Size = tuple[int, int]
+MOST_LISTED = 64  # cameras in a list
 DEEPEST = 4  # DSEC has its cameras one level down, dv-processing two
 MATRICES = (
     *("camera_matrix", "intrinsics", "K", "k", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic"),
     *("intrinsic_matrix", "mtx", "projection_parameters"),
 )
-DISTORTIONS = (
-    *("distortion_coefficients", "distortion_coeffs", "distortionCoefficients", "Distortion_Coefficients", "D", "d"),
-    *("distortion", "dist_coeffs", "distCoeffs", "dist", "Distortion", "distortion_parameters"),
-)
-MODELS = ("distortion_model", "distortionModel", "lens_model")
 SIZES = ("resolution", "image_size", "img_size", "size", "ImageSize", "imageSize")  # columns, rows
 COLUMNS = ("image_width", "image_Width", "imageWidth", "width")
 ROWS = ("image_height", "image_Height", "imageHeight", "height")
 # Focal lengths of a sensor's longer side, to be divided and multiplied by: no lens is such.
 WIDEST, NARROWEST = 20, 1000
-FISHEYE_FLAGS = ("use_fisheye_model", "fisheye_model", "fisheye")
-PINHOLES = ("pinhole", "Pinhole", "PINHOLE", "perspective")
 STEREO = ("M", "K")  # M1 D1 M2 D2 of OpenCV's stereo sample: neither size nor names
-LENSES: dict[str, Lens | None] = {
-    "radtan": "radtan",
-    "plumbbob": "radtan",
-    "radialtangential": "radtan",
-    "brownconrady": "radtan",
-    "rationalpolynomial": "radtan",
-    "equidistant": "fisheye",
-    "equi": "fisheye",
-    "fisheye": "fisheye",
-    "kannalabrandt": "fisheye",
-    "kannalabrandt4": "fisheye",
-    "kb4": "fisheye",
-    "none": None,
-    "pinhole": None,
-    "": None,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,28 +107,13 @@ def camera_of(matrix: Sequence[float], size: Size, *, lens: Any, distortion: Seq
     return Camera(fx, fy, cx, cy, *size, tuple(distortion[:most]) if kind else (), kind or "radtan")
 
 
-def lens_kind(lens: Any) -> Lens | None:
-    """The lens by any of its names; None for a pinhole without one.
-
-    Raises:
-        BadInput: unknown.
-    """
-    name = re.sub("[-_ ]", "", lens.lower()) if isinstance(lens, str) else shown(lens)
-    if name not in LENSES:
-        raise BadInput(
-            f"unknown lens model {shown(lens)}",
-            fix="calibrate as a pinhole with radtan (plumb_bob), equidistant (fisheye) or no distortion",
-        )
-    return LENSES[name]
-
-
 def described_cameras(path: Path, tree: Tree) -> list[Described]:
     """All cameras of a file, in its order."""
     found: list[Described] = []
     for key, branch in _branches("camera", tree, depth=0, seen=set()):
         if isinstance(cameras := branch.get("intrinsics"), list) and cameras and isinstance(cameras[0], dict):
             found += _basalt(path, branch, cast("list[Any]", cameras))
-        elif (matrix := _first(branch, MATRICES)) is not None and _is_matrix(matrix):
+        elif (matrix := first_of(branch, MATRICES)) is not None and _is_matrix(matrix):
             found.append(_described(path, key, branch, tree, matrix))
         elif {"focalLength", "principalPoint"} <= branch.keys():
             halves = [numbers(f"{path}, {key}", branch[half]) for half in ("focalLength", "principalPoint")]
@@ -169,11 +132,21 @@ def _branches(key: str, branch: Tree, *, depth: int, seen: set[int]) -> Iterator
     """
     seen.add(id(branch))
     yield key, branch
-    matrix = _first(branch, MATRICES)
-    if depth < DEEPEST and not _is_matrix(matrix):
-        for name, inner in branch.items():
-            if isinstance(inner, dict) and id(cast("Tree", inner)) not in seen:
-                yield from _branches(str(name), cast("Tree", inner), depth=depth + 1, seen=seen)
+    matrix = first_of(branch, MATRICES)
+    if depth == DEEPEST or _is_matrix(matrix):
+        return
+    for name, inner in branch.items():
+        for number, each in enumerate(_mappings(name, inner)):
+            if id(each) not in seen:
+                listed = f"cam{number}" if name == "cameras" else f"{name}{number}"
+                known = key if name == "camera" else str(name)  # SVO's lists hold a `camera` each
+                yield from _branches(listed if isinstance(inner, list) else known, each, depth=depth + 1, seen=seen)
+
+
+def _mappings(name: Any, inner: Any) -> list[Tree]:
+    """The mappings that a value is, or lists; none of basalt's `intrinsics`, which are looked at as a whole."""
+    listed = cast("list[Any]", inner[:MOST_LISTED] if isinstance(inner, list) and name != "intrinsics" else [inner])
+    return [cast("Tree", each) for each in listed if isinstance(each, dict)]
 
 
 def _is_matrix(value: Any) -> bool:
@@ -186,64 +159,25 @@ def _is_matrix(value: Any) -> bool:
     return isinstance(value, list | str)
 
 
-def _first(branch: Tree, names: Sequence[str]) -> Any:
-    return next((branch[name] for name in names if name in branch), None)
-
-
 def _described(path: Path, key: str, branch: Tree, root: Tree, matrix: Any) -> Described:
-    model = _first(branch, ("camera_model", "model_type")) or "pinhole"
-    flags = [_first(each, FISHEYE_FLAGS) for each in (branch, root)]
-    is_fisheye = any(str(flag).lower() in ("1", "true", "yes") for flag in flags)
-    lens = "fisheye" if is_fisheye else _first(branch, MODELS)
-    lens = lens if model in PINHOLES else model  # a fisheye by its name; another projection is said to be unknown
-    distortion = _coefficients(f"{path}, {key}", branch, lens)
-    if lens is None and "n_kept_views" in branch and len(numbers(f"{path}, {key}", distortion)) == 4:
-        lens = "fisheye"  # Metavision does not name the lens; it gives five numbers for all others
-    names = [str(branch[name]) for name in ("name", "camera_name", "position") if isinstance(branch.get(name), str)]
+    lens, distortion = told_lens(f"{path}, {key}", branch, root, matrix)
+    names = [
+        str(branch[name]) for name in ("name", "camera_name", "label", "position") if isinstance(branch.get(name), str)
+    ]
     topic = branch.get("rostopic")
     return Described(
         path,
         (key, *names),
         matrix,
         size=_size(path, branch),
-        distortion=() if distortion is None else distortion,
+        distortion=distortion,
         lens=lens,
         topic=topic if isinstance(topic, str) else "",
     )
 
 
-def _coefficients(where: str, branch: Tree, lens: Any) -> Any:
-    """The lens's coefficients: a list, or by name beside the matrix or in a branch; None where there are none.
-
-    Raises:
-        BadFile: some are there under no known name, or k1 to k4 of a lens that is not named.
-    """
-    value = _first(branch, DISTORTIONS)
-    if value is None and (other := [name for name in branch if _may_be_distortion(name, branch[name])]):
-        raise BadFile(f"{where}: its {other[0]!r} is not understood", fix="call it distortion_coefficients")
-    if value is not None and (not isinstance(value, dict) or "data" in value):
-        return value
-    named = branch if value is None else cast("Tree", value)
-    if not {"k1", "k2"} <= named.keys():
-        return value
-    radial = [f"k{number}" for number in range(1, 7) if f"k{number}" in named]
-    if {"p1", "p2"} <= named.keys() or len(radial) != 4:
-        order = ["k1", "k2", "p1", "p2", *radial[2:]]
-    elif lens is None:
-        raise BadFile(f"{where}: k1 k2 k3 k4 without the name of their lens", fix="say distortion_model: equidistant")
-    else:
-        order = radial
-    return [named.get(name, 0) for name in order]
-
-
-def _may_be_distortion(name: Any, value: Any) -> bool:
-    known = (*DISTORTIONS, *MODELS)
-    is_named_so = re.match(r"dist(?!anc|rib)", str(name), re.IGNORECASE)  # as are distances to a board
-    return isinstance(value, list | dict) and bool(is_named_so) and name not in known
-
-
 def _size(path: Path, branch: Tree) -> Size | None:
-    columns, rows, pair = _first(branch, COLUMNS), _first(branch, ROWS), _first(branch, SIZES)
+    columns, rows, pair = first_of(branch, COLUMNS), first_of(branch, ROWS), first_of(branch, SIZES)
     if columns is None and rows is None and pair is None:
         return None
     width, height = sizes(path, pair if columns is None or rows is None else [columns, rows])
@@ -262,17 +196,17 @@ def _basalt(path: Path, branch: Tree, cameras: list[Any]) -> list[Described]:
         kind = str(cast("Tree", camera).get("camera_type"))
         names = ("k1", "k2", "k3", "k4") if kind == "kb4" else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
         pair = cast("list[Any]", all_sizes)[number] if isinstance(all_sizes, list) and number < len(all_sizes) else None
-        width, height = sizes(path, pair)
+        size = None if all_sizes is None else sizes(path, pair)[::-1]
         distortion = [inner[name] for name in names if name in inner] if kind != "pinhole" else []
         lens = {"kb4": "kb4", "pinhole": "none", "pinhole-radtan8": "radtan"}.get(kind, kind)
-        found.append(Described(path, (f"cam{number}",), inner, size=(height, width), distortion=distortion, lens=lens))
+        found.append(Described(path, (f"cam{number}",), inner, size=size, distortion=distortion, lens=lens))
     return found
 
 
 def _stereo(path: Path, branch: Tree) -> list[Described]:
     found: list[Described] = []
     for number in "12":
-        matrix = _first(branch, [f"{letter}{number}" for letter in STEREO])
+        matrix = first_of(branch, [f"{letter}{number}" for letter in STEREO])
         if isinstance(matrix, dict) and "data" in matrix:
             size, distortion = _size(path, branch), branch.get(f"D{number}", ())
             found.append(Described(path, (f"cam{int(number) - 1}",), matrix, size=size, distortion=distortion))
