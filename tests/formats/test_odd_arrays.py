@@ -252,6 +252,30 @@ def test_sides_that_are_swapped_are_turned_and_said(tmp_path, events, rows):
         assert rows(open_events(path)) == rows([events])
 
 
+def test_the_one_array_of_an_archive_is_its_events_by_any_name(tmp_path, events, rows):
+    columns = columns_of(events)
+    table = np.stack(list(columns.values()), axis=1)
+    np.savez(tmp_path / "a.npz", table)
+    fields = np.zeros(len(events), [(name, np.int64) for name in columns])
+    for name, column in columns.items():
+        fields[name] = column
+    np.savez(tmp_path / "b.npz", event_stream=fields)
+    for name in ("a.npz", "b.npz"):
+        assert rows(open_events(tmp_path / name, sensor=SIZE)) == rows([events])
+    np.savez(tmp_path / "c.npz", table, table)
+    with pytest.raises(BadFile, match="holds no array `events`, only arr_0, arr_1"):
+        open_events(tmp_path / "c.npz")
+
+
+def test_of_many_tables_few_are_listed(tmp_path, events):
+    path = saved(tmp_path / "a.h5", columns_of(events))
+    with h5py.File(path, "a") as file:
+        for number in range(30):
+            file.copy("events", f"packet{number}")
+    with pytest.warns(EvimoWarning, match=r"and 23 others; .* is read"):
+        open_events(path, sensor=SIZE)
+
+
 def test_what_else_a_file_holds_does_not_stand_in_the_way(tmp_path, events, rows):
     """Another camera's arrays of unequal length, and an array that is called events and holds none."""
     path = saved(tmp_path / "a.h5", columns_of(events))

@@ -19,7 +19,7 @@ def events(some_events):
 def saved(path, events, form, head=""):
     rows = zip(events.t.tolist(), events.x, events.y, (events.p > 0).astype(int), strict=True)
     lines = [
-        form.format(t=t, sec=t // 10**6, ns=t % 10**6 * 1000, x=x, y=y, p=p, sign=2 * p - 1, n=number)
+        form.format(t=t, sec=t // 10**6, us=t % 10**6, ns=t % 10**6 * 1000, x=x, y=y, p=p, sign=2 * p - 1, n=number)
         for number, (t, x, y, p) in enumerate(rows)
     ]
     path.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
@@ -64,6 +64,32 @@ def test_events_of_several_cameras_in_one_table_are_refused(tmp_path, events, ro
 def test_marks_for_thousands_in_quotes_are_called_that(tmp_path, events, form):
     with pytest.raises(BadFile, match="or stand for thousands"):
         open_events(saved(tmp_path / "a.csv", events, form, "t,x,y,p\n"), sensor=SIZE)
+
+
+@pytest.mark.parametrize("form", ['"{s}";{x};{y};{p}', '"{s}";"{x}";"{y}";"{p}"', '"{x}"\t"{y}"\t"{s}"\t"{p}"'])
+def test_decimal_commas_in_quotes_are_decimal_points(tmp_path, events, rows, form):
+    short = Events(events.x, events.y, events.t // 4 + 5_000_000, events.p)  # within one second
+    path = saved(tmp_path / "a.csv", short, form.replace("{s}", "{sec},{us:06d}"))
+    assert rows(open_events(path, sensor=SIZE)) == rows([short])
+
+
+@pytest.mark.parametrize(
+    ("form", "words"),
+    [
+        ('"{sec},{us:06d}",{x},{y},{p}', "may be decimal points"),
+        ('{x},{y},{p},"{sec},{us:06d}"', "may be decimal points"),
+        ("{sec},{us:06d},{x},{y},{p}", "seconds and what is left of them"),
+        ("{x},{y},{sec},{us:06d},{p}", "seconds and what is left of them"),
+    ],
+)
+def test_decimal_commas_between_commas_are_refused(tmp_path, events, form, words):
+    short = Events(events.x, events.y, events.t // 4 + 5_000_000, events.p)
+    with pytest.raises(BadFile, match=words):
+        open_events(saved(tmp_path / "a.csv", short, form), sensor=SIZE)
+
+
+def test_whole_lines_in_quotes_are_read(tmp_path, events, rows):
+    assert rows(open_events(saved(tmp_path / "a.csv", events, '"{t},{x},{y},{p}"'), sensor=SIZE)) == rows([events])
 
 
 def test_a_heading_of_fewer_columns_than_the_lines_is_said(tmp_path, events, rows):

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from evimo.errors import EvimoWarning, NotFound
 
+MOST_NAMES = 8  # that are listed
+
 
 def chosen_of(path: Path, names: Sequence[str], topic: str | None) -> int:
     """The place among names of that which `topic` names, whole or by a word or part; else the first, with a warning.
@@ -15,7 +17,8 @@ def chosen_of(path: Path, names: Sequence[str], topic: str | None) -> int:
     Raises:
         NotFound: none fits, or several.
     """
-    listed = ", ".join(names)
+    more = f" and {len(names) - MOST_NAMES:,} others" if len(names) > MOST_NAMES else ""
+    listed = ", ".join(names[:MOST_NAMES]) + more
     if topic is not None:
         wanted = topic.strip("/")
         fitting = (

@@ -21,19 +21,20 @@ Columns = list[NDArray[Any]]
 
 
 class NpzRows:
-    """Where an archive holds its events: rows or fields of one array `events`, or four arrays.
+    """Where an archive holds its events: rows or fields of `events` or the one array there is, or four arrays.
 
     Raises:
         BadFile: it holds neither, or arrays of unequal length.
     """
 
     def __init__(self, archive: Archive, columns: str | None) -> None:
-        self._archive, self._order = archive, ""
-        if EVENTS in archive.names:
-            self._headers = {EVENTS: archive.header(EVENTS)}
-            self._order = self._order_of(self._headers[EVENTS], columns)
+        self._archive, self._order, names = archive, "", sorted(archive.names)
+        self._whole = EVENTS if EVENTS in names or len(names) != 1 else names[0]
+        if self._whole in names:
+            self._headers = {self._whole: archive.header(self._whole)}
+            self._order = self._order_of(self._headers[self._whole], columns)
         else:
-            named = dict(zip(named_columns(names := sorted(archive.names)) or "", names, strict=False))
+            named = dict(zip(named_columns(names) or "", names, strict=False))
             if not named:
                 held = ", ".join(names[:8])
                 fix = "save the rows t x y p as `events`"
@@ -41,7 +42,10 @@ class NpzRows:
                     fix = "unpack it, and give the folder: it holds a recording of EVIMO2"
                 raise BadFile(f"{archive.path.name} holds no array `events`, only {held}", fix=fix)
             self._headers = {named[letter]: archive.header(named[letter]) for letter in LETTERS}
-        lengths = {name: _length(archive.path, name, header) for name, header in self._headers.items()}
+        lengths = {
+            name: _length(archive.path, name, header, by_row=name == self._whole)
+            for name, header in self._headers.items()
+        }
         check_lengths(archive.path, lengths)
         self.count = min(lengths.values())
 
@@ -52,7 +56,7 @@ class NpzRows:
             row += len(block[0])
 
     def _is_by_row(self) -> bool:
-        header = self._headers.get(EVENTS)
+        header = self._headers.get(self._whole)
         return header is not None and (header.dtype.names is not None or not header.fortran_order)
 
     def _order_of(self, header: ArrayHeader, columns: str | None) -> str:
@@ -60,11 +64,11 @@ class NpzRows:
         name, fields = self._archive.path.name, header.dtype.names
         if fields is not None:
             if (order := named_columns(fields)) is None:
-                raise BadFile(f"`events` in {name} has the fields {fields}, not t, x, y, p", fix="name them so")
+                raise BadFile(f"`{self._whole}` in {name} has the fields {fields}, not t, x, y, p", fix="name them so")
             return order
         if len(header.shape) != 2 or not 4 <= header.shape[1] <= 8 or header.dtype.kind not in "iuf":
             raise BadFile(
-                f"`events` in {name} has shape {header.shape} of {header.dtype}",
+                f"`{self._whole}` in {name} has shape {header.shape} of {header.dtype}",
                 fix="save it as (N, 4) numbers: t x y p",
             )
         if columns:
@@ -80,7 +84,7 @@ class NpzRows:
             yield 0, np.stack([np.asarray(column, np.float64) for column in block[:width]], axis=1)
 
     def _by_row(self, row: int) -> Iterator[Columns]:
-        header = self._headers[EVENTS]
+        header = self._headers[self._whole]
         at = [self._order.index(letter) for letter in LETTERS]
         for block in self._rows_of(header, row):
             yield [block[each] for each in at]
@@ -89,14 +93,14 @@ class NpzRows:
         names = header.dtype.names
         width = 1 if names else header.shape[1]
         row_bytes = header.dtype.itemsize * width
-        stream = self._archive.stream(EVENTS)
+        stream = self._archive.stream(self._whole)
         skip(stream, header.offset + row * row_bytes)
         while len(raw := stream.read(BLOCK_ROWS * row_bytes)) >= row_bytes:
             flat = np.frombuffer(raw[: len(raw) // row_bytes * row_bytes], header.dtype)
             yield [flat[name] for name in names] if names else list(flat.reshape(-1, width).T)
 
     def _by_column(self, row: int) -> Iterator[Columns]:
-        if header := self._headers.get(EVENTS):
+        if header := self._headers.get(self._whole):
             at = [self._order.index(letter) for letter in LETTERS]
             for block in self._columns_of(header, row):
                 yield [block[each] for each in at]
@@ -113,14 +117,14 @@ class NpzRows:
         rows, item = header.shape[0], header.dtype.itemsize
         parts: list[tuple[Stream, np.dtype[Any]]] = []
         for column in range(header.shape[1]):
-            stream = self._archive.stream(EVENTS)
+            stream = self._archive.stream(self._whole)
             skip(stream, header.offset + (column * rows + row) * item)
             parts.append((stream, header.dtype))
         yield from _in_step(parts, rows - row)
 
 
-def _length(path: Path, name: str, header: ArrayHeader) -> int:
-    """How many events an array holds: rows of `events`, else as many as it is long, along whichever axis.
+def _length(path: Path, name: str, header: ArrayHeader, *, by_row: bool) -> int:
+    """How many events an array holds: rows of one with all columns, else as many as it is long, along whichever axis.
 
     Raises:
         BadFile: it has several columns, or no numbers.
@@ -130,11 +134,11 @@ def _length(path: Path, name: str, header: ArrayHeader) -> int:
     used = [header.dtype[field] for field, letter in zip(fields, letters, strict=False) if letter != "_"]
     if any(dtype.kind not in NUMBERS for dtype in used or [header.dtype]):
         raise BadFile(f"`{name}` in {path.name} is of {header.dtype}", fix="save numbers")
-    if name != EVENTS and len(shape) > 1 and max(shape) < math.prod(shape):
+    if not by_row and len(shape) > 1 and max(shape) < math.prod(shape):
         raise BadFile(
             f"`{name}` in {path.name} has shape {shape}, not one number for each event", fix="save it as (N,)"
         )
-    return (shape[0] if name == EVENTS else math.prod(shape)) if shape else 0
+    return (shape[0] if by_row else math.prod(shape)) if shape else 0
 
 
 def _in_step(parts: list[tuple[Stream, np.dtype[Any]]], rows: int) -> Iterator[Columns]:

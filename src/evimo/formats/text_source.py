@@ -22,7 +22,7 @@ ZSTD = re.compile(rb"\x28\xb5\x2f\xfd|[\x50-\x5f]\x2a\x4d\x18")  # a frame, or o
 BRACKETS = b"[](){}|"
 BETWEEN = re.compile(rb"[;\t ]+")
 COMMA = re.compile(rb"[-+]?\d+,(\d+)")
-THOUSANDS = re.compile(rb"[\"']\d{1,3}(,\d{3})+[\"']")  # as spreadsheets quote them
+QUOTED_COMMAS = re.compile(rb"\"[-+]?\d+(,\d+)+\"|'[-+]?\d+(,\d+)+'")  # as spreadsheets have them
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,24 +126,32 @@ def _has_decimal_commas(path: Path, rows: list[bytes]) -> bool:
     """Whether commas stand inside numbers, as in `0,000125;17;203;1`, and other letters between them.
 
     Raises:
-        BadFile: they do, and may as well stand for thousands.
+        BadFile: they do, and may as well stand for thousands; or commas stand between numbers in quotes, too.
     """
-    words = [BETWEEN.split(row) for row in rows]
-    thousands = 2 * sum(bool(THOUSANDS.search(row)) for row in rows) > len(rows)
-    if not thousands:
-        if not rows or any(len(row) < 4 or any(COMMA.fullmatch(w) is None and b"," in w for w in row) for row in words):
+    if not rows:
+        return False
+    unclear = 2 * sum(map(_has_both_commas, rows)) > len(rows)
+    if not unclear:
+        words = [[word.strip(b"\"'") for word in BETWEEN.split(row)] for row in rows]
+        if any(len(row) < 4 or any(COMMA.fullmatch(w) is None and b"," in w for w in row) for row in words):
             return False
         places = [match[1] for row in words for word in row if (match := COMMA.fullmatch(word))]
         if 2 * len(places) < len(rows):
             return False
-        thousands = all(len(place) == 3 for place in places)
-    if thousands:
+        unclear = all(len(place) == 3 for place in places)
+    if unclear:
         raise BadFile(
             f"{path.name}: commas in numbers such as {rows[-1].decode(errors='replace')[:60]!r} may be decimal points, "
             "or stand for thousands",
             fix="export it again with decimal points, and without marks for thousands",
         )
     return True
+
+
+def _has_both_commas(row: bytes) -> bool:
+    """Whether commas stand between the numbers of a line, and within one of them that is in quotes."""
+    rest, count = QUOTED_COMMAS.subn(b"0", row)
+    return 0 < count < len(rest.split(b","))
 
 
 def packing(path: Path) -> str:

@@ -196,7 +196,8 @@ def _basalt(path: Path, branch: Tree, cameras: list[Any]) -> list[Described]:
         kind = str(cast("Tree", camera).get("camera_type"))
         names = ("k1", "k2", "k3", "k4") if kind == "kb4" else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
         pair = cast("list[Any]", all_sizes)[number] if isinstance(all_sizes, list) and number < len(all_sizes) else None
-        size = None if all_sizes is None else sizes(path, pair)[::-1]
+        width, height = (None, None) if all_sizes is None else sizes(path, pair)
+        size = None if width is None or height is None else (height, width)
         distortion = [inner[name] for name in names if name in inner] if kind != "pinhole" else []
         lens = {"kb4": "kb4", "pinhole": "none", "pinhole-radtan8": "radtan"}.get(kind, kind)
         found.append(Described(path, (f"cam{number}",), inner, size=size, distortion=distortion, lens=lens))
