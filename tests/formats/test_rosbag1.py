@@ -160,6 +160,15 @@ def test_messages_of_a_damaged_chunk_are_left_out_and_counted(tmp_path, absolute
         assert len(rows(open_events(path))) == len(absolute) - PART
 
 
+def test_a_bag_whose_index_is_damaged_is_walked(tmp_path, absolute, rows):
+    path = write(tmp_path / "a.bag", absolute)
+    raw = bytearray(path.read_bytes())
+    raw[-400:-200] = bytes(200)  # of the places of the last chunks
+    path.write_bytes(raw)
+    with pytest.warns(EvimoWarning, match="lost its index: its 10 readable chunks are used"):
+        assert rows(open_events(path)) == rows([absolute])
+
+
 def test_a_bag_cut_before_its_first_message_is_refused(tmp_path, absolute):
     path = write(tmp_path / "a.bag", absolute)
     path.write_bytes(path.read_bytes()[:4200])

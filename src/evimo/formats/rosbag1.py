@@ -105,11 +105,11 @@ def open_bag(path: Path) -> Rosbag1:
         file.readline()
         try:
             _, fields = _header(file)
-            index = struct.unpack("<Q", fields[b"index_pos"])[0]
+            index, chunks = struct.unpack("<QI", fields[b"index_pos"] + fields[b"chunk_count"])
             if fields.get(b"encryptor"):
                 raise BadFile(f"{path.name} is an encrypted bag", fix="decrypt it first")
             if 0 < index < path.stat().st_size:
-                return _indexed(path, file, index)
+                return _indexed(path, file, index, chunks)
         except (struct.error, KeyError, EOFError):
             pass
     bag = _walked(path)
@@ -118,7 +118,8 @@ def open_bag(path: Path) -> Rosbag1:
     return bag
 
 
-def _indexed(path: Path, file: IO[bytes], index: int) -> Rosbag1:
+def _indexed(path: Path, file: IO[bytes], index: int, chunks: int) -> Rosbag1:
+    """The bag by its index; EOFError where that is damaged, so that it does not tell of all chunks."""
     bag = Rosbag1(path)
     file.seek(index)
     for op, fields, data in _records(memoryview(file.read())):
@@ -128,7 +129,7 @@ def _indexed(path: Path, file: IO[bytes], index: int) -> Rosbag1:
             counts = dict(struct.iter_unpack("<II", data))
             start, stop = _time(fields[b"start_time"]), _time(fields[b"end_time"])
             bag.chunks.append(ChunkPlace(struct.unpack("<Q", fields[b"chunk_pos"])[0], start, stop, counts))
-    if not bag.publishers:
+    if not bag.publishers or len(bag.chunks) != chunks:
         raise EOFError
     return bag
 
