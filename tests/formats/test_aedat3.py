@@ -118,5 +118,6 @@ def test_of_several_cameras_one_is_read_and_said(tmp_path, events, rows, late_us
     for topic in ("2", "DVS128"):
         chosen = open_events(path, topic=topic)
         assert chosen.sensor == (128, 128) and rows(chosen) == rows([other])
+        assert (chosen.topic, chosen.contents["topics"]) == ("2/DVS128", "1/DAVIS240C, 2/DVS128")
     with pytest.raises(NotFound, match="no events --topic 3"):
         open_events(path, topic="3")

@@ -101,6 +101,7 @@ def test_several_cameras_are_said_and_chosen(made, events, rows, some_events):
     assert "davis/right/events (500 events)" in opened.contents["topics"] and sum(map(len, opened)) == 1000
     for topic in ("right", "davis/right/events", "/davis/right/events"):
         assert sum(map(len, open_events(path, sensor=SIZE, topic=topic))) == 500
+        assert open_events(path, sensor=SIZE, topic=topic).topic == "davis/right/events"
     with pytest.raises(NotFound, match="--topic up\n  try: one of: davis/left/events, davis/right/events"):
         open_events(path, topic="up")
     with pytest.raises(NotFound, match=r"2 events in 0\.h5 fit --topic davis"):

@@ -150,3 +150,15 @@ def test_numbers_beside_other_names_are_refused(written):
     for text in ("fx 250 fy 250 cx 170 cy 130 skew 0", "fx 250 fy 250 cx 170", "fx 1 fx 2 fy 3 cx 4 cy 5"):
         with pytest.raises(BadFile):
             load_camera(written(text), size=SIZE)
+
+
+@pytest.mark.parametrize(
+    ("topic", "focal"), [("davis/left/events", 100), ("davis/right/events", 101), ("right/events", 101)]
+)
+def test_the_camera_of_a_file_of_several_goes_with_the_name_of_its_events(written, topic, focal):
+    lens = "  camera_model: pinhole\n  distortion_model: none\n  resolution: [64, 48]\n"
+    sides = "".join(
+        f"{side}:\n  intrinsics: [{100 + number}, 100, 31, 23]\n{lens}  rostopic: /davis/{side}/image_raw\n"
+        for number, side in enumerate(("left", "right"))
+    )
+    assert load_camera(written(sides), topic=topic).fx == focal

@@ -1,7 +1,7 @@
 """AEDAT 3, as cAER and early DV software record it: packets of events, frames and IMU samples."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -58,17 +58,23 @@ def open_aedat3(path: Path, sensor: tuple[int, int] | None = None, *, topic: str
         start_us=survey.start_us,
         stop_us=survey.stop_us,
         read=read,
-        contents={name: f"{counts.kinds[kind]:,}" for name, kind in CONTENTS.items() if counts.kinds[kind]},
+        contents={name: f"{counts.kinds[kind]:,}" for name, kind in CONTENTS.items() if counts.kinds[kind]}
+        | counts.topics,
+        topic=counts.topic,
     )
 
 
 class _Counts:
-    """What a pass counts: events by kind, and polarity events by their camera, behind which is the one to be read."""
+    """What a pass counts: events by kind, and polarity events by their camera, behind which is the one to be read.
 
-    def __init__(self, source: int = ALL) -> None:
+    source: that one, by number. topic, topics: its name and all of them, where there are several.
+    """
+
+    def __init__(self, source: int = ALL, topic: str = "", topics: Sequence[str] = ()) -> None:
         self.kinds = np.zeros(KINDS, np.int64)
         self.sources = np.append(np.zeros(SOURCES, np.int64), source)
-        self.source = source
+        self.source, self.topic = source, topic
+        self.topics = {"topics": ", ".join(topics)} if topics else {}
 
     def cameras(self) -> list[int]:
         """The numbers of those that have events, the most first."""
@@ -93,8 +99,9 @@ def _surveyed(path: Path, length: int, names: dict[int, str], topic: str | None)
     except BadFile as error:  # two clocks side by side are in no order
         problem = error
     if len(found := counts.cameras()) > 1:
-        place = chosen_of(path, [f"{number}/{names.get(number, '')}".strip("/") for number in found], topic)
-        counts = _Counts(found[place])
+        topics = [f"{number}/{names.get(number, '')}".strip("/") for number in found]
+        place = chosen_of(path, topics, topic)
+        counts = _Counts(found[place], topics[place], topics)
         return surveyed(path, _packets(path, length, counts).blocks(start)), counts
     if problem:
         raise problem

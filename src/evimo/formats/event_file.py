@@ -67,7 +67,7 @@ class EventFile:
     camera:      the one whose intrinsics lie inside the file.
     read_gyroscope: the format's reader of gyroscopes.
     contents:    what else is inside, name to description.
-    topic:       that of a bag which the events are from; empty where there are no topics.
+    topic:       that of the events, of a bag or of a file of several cameras; empty where there are no topics.
     faults:      what the newest pass had to move or leave out; complete when the pass is.
     """
 
