@@ -138,3 +138,22 @@ def test_sides_of_the_sensor_are_told_in_any_order(tmp_path, events, lines):
 def test_more_names_of_units_are_known(tmp_path, events, rows, recwarn, name):
     path = saved(tmp_path / "a.csv", events, "{t},{x},{y},{p}", name + ",x,y,p\n")
     assert rows(open_events(path, sensor=SIZE)) == rows([events]) and not recwarn.list
+
+
+@pytest.mark.filterwarnings("ignore:a.npz does not tell", "ignore:a.npz. times are taken as")
+@pytest.mark.parametrize("padding", [np.nan, -1])
+@pytest.mark.parametrize("kind", [1, 1e-6])
+def test_rows_of_padding_say_nothing_of_the_unit(tmp_path, events, rows, padding, kind):
+    columns = [events.t * kind, events.x, events.y, events.p > 0]
+    np.savez(tmp_path / "a.npz", events=np.append(np.stack(columns, axis=1), np.full((500, 4), padding), axis=0))
+    with pytest.warns(EvimoWarning, match="500 events"):
+        assert rows(open_events(tmp_path / "a.npz")) == rows([events])
+
+
+def test_sides_of_an_archive_that_are_swapped_are_turned_and_a_map_of_heights_is_no_side(tmp_path, events, rows):
+    columns = {"t": events.t, "x": events.x, "y": events.y, "p": events.p > 0}
+    np.savez(tmp_path / "a.npz", **columns, height=64, width=48)
+    with pytest.warns(EvimoWarning, match="fit only one of 64x48: its sides are swapped"):
+        assert rows(open_events(tmp_path / "a.npz")) == rows([events])
+    np.savez(tmp_path / "b.npz", **columns, height=np.zeros(SIZE), width=3)
+    assert open_events(tmp_path / "b.npz").sensor == (128, 128)

@@ -14,7 +14,7 @@ from evimo.events.events import Events
 from evimo.formats.columns import check_lengths, check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive, ArrayHeader, array_header
-from evimo.formats.sensors import NOWHERE, assumed_sensor, on_sign, whole_pixels
+from evimo.formats.sensors import assumed_sensor, extent_of, on_sign, whole_pixels
 from evimo.formats.stored_gyroscope import folder_gyroscope
 from evimo.formats.stored_times import StoredTimes
 from evimo.formats.survey import no_events_in
@@ -41,7 +41,7 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
     check_pixels(folder, xy[:REPEAT_EVENTS, 0], xy[:REPEAT_EVENTS, 1])
     size = sensor or _stored_size(folder)
     if size is None:
-        size = assumed_sensor(folder, (_extent(xy[:, 1]), _extent(xy[:, 0])))
+        size = assumed_sensor(folder, (extent_of(whole_pixels(xy[:, 1])), extent_of(whole_pixels(xy[:, 0]))))
     times = StoredTimes(
         folder,
         lambda first, last: t[first:last],
@@ -67,12 +67,6 @@ def open_evimo2(path: Path, sensor: tuple[int, int] | None = None, *, time_unit:
         read_gyroscope=lambda: folder_gyroscope(folder),
         contents=_contents(folder),
     )
-
-
-def _extent(side: NDArray[Any]) -> int:
-    """One more than the largest pixel."""
-    pixels = whole_pixels(side)
-    return int(pixels[pixels < NOWHERE].max(initial=0)) + 1
 
 
 def _part(arrays: dict[str, NDArray[Any]], times: StoredTimes, first: int, on: int) -> Events:

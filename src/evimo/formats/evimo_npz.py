@@ -1,6 +1,7 @@
 """EV-IMO (and better-flow) .npz recordings: one array `events` of rows t x y p, beside depth, mask, K and D."""
 
 import json
+import math
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +18,7 @@ from evimo.formats.columns import check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile, FoundCamera, camera_of_matrix, found_camera
 from evimo.formats.npz_members import Archive
 from evimo.formats.npz_rows import NpzRows
-from evimo.formats.sensors import assumed_sensor, fitting_sensor, on_sign, whole_pixels
+from evimo.formats.sensors import assumed_sensor, extent_of, fitting_sensor, on_sign, upright, whole_pixels
 from evimo.formats.stored_gyroscope import simulated_gyroscope
 from evimo.formats.survey import no_events_in, surveyed
 from evimo.formats.time_units import NAMES, Times, TimeUnit, as_us, check_span, found_unit, repeat_of, step_of
@@ -51,7 +52,7 @@ def open_evimo_npz(
         warnings.warn(text, EvimoWarning, stacklevel=3)
     if time_unit is None:
         check_span(path, events=survey.events, span_us=survey.stop_us - survey.start_us, unit=unit)
-    size = sensor or _map_size(archive) or assumed_sensor(path, survey.extent)
+    size = sensor or upright(path, _map_size(archive), survey.extent) or assumed_sensor(path, survey.extent)
     sign = np.int8(on_sign(path))
 
     def read(start_us: int) -> Iterator[Events]:
@@ -94,7 +95,7 @@ def _unit(
     t, x, y, p = first
     check_polarities(path, p)
     check_pixels(path, x, y)
-    height, width = sensor or fitting_sensor((int(whole_pixels(y).max()) + 1, int(whole_pixels(x).max()) + 1))
+    height, width = sensor or fitting_sensor((extent_of(whole_pixels(y)), extent_of(whole_pixels(x))))
     pieces = [np.asarray(t[at : at + PIECE_ROWS], np.float64) + offset for at in range(0, len(t), PIECE_ROWS)]
     times = Times(pieces, step_of(t), height * width, repeat_of(x, y, t))
     return found_unit(path, times, said=said, usual="s" if t.dtype.kind == "f" else "us")
@@ -121,7 +122,8 @@ def _as_events(columns: list[NDArray[Any]], unit: TimeUnit) -> Events:
 
 
 def _map_size(archive: Archive) -> tuple[int, int] | None:
-    if {"height", "width"} <= set(archive.names):
+    told = [archive.header(side).shape for side in ("height", "width") if side in archive.names]
+    if [math.prod(shape) for shape in told] == [1, 1]:
         sides = [archive.small(side).reshape(-1) for side in ("height", "width")]
         try:
             return size_of(np.concatenate(sides), "height and width")

@@ -1,6 +1,5 @@
 """HDF5 recordings: DSEC, TUM-VIE, M3ED, MVSEC, Prophesee, and others that name their arrays or columns t, x, y, p."""
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,13 +8,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from evimo.errors import BadFile, EvimoWarning
+from evimo.errors import BadFile
 from evimo.events.events import Events
 from evimo.formats.choosing import MOST_NAMES, chosen_of
 from evimo.formats.columns import check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile
 from evimo.formats.hdf5_tables import EventTable, event_tables, numbers_beside, require_filters, stored_size
-from evimo.formats.sensors import NOWHERE, assumed_sensor, fitting_sensor, size_in_words, whole_pixels
+from evimo.formats.sensors import assumed_sensor, extent_of, fitting_sensor, upright, whole_pixels
 from evimo.formats.stored_times import PIECE_EVENTS, PIECES, StoredTimes
 from evimo.formats.survey import no_events_in
 from evimo.formats.time_units import NAMES, REPEAT_EVENTS, TimeUnit, repeat_of
@@ -73,7 +72,7 @@ class _Reader:
         check_polarities(path, polarities)
         check_pixels(path, *first[:2])
         extent = (1, 1) if sensor else self._extent()
-        size = sensor or _upright(path, stored_size(path, table), extent)
+        size = sensor or upright(path, stored_size(path, table), extent)
         height, width = size or fitting_sensor(extent)
         self.times = StoredTimes(
             path,
@@ -113,8 +112,7 @@ class _Reader:
         height, width = 1, 1
         for at in np.linspace(0, max(self._table.count - PIECE_EVENTS, 0), PIECES).astype(int).tolist():
             x, y = (whole_pixels(each) for each in self._stored("xy", at, at + PIECE_EVENTS))
-            x, y = x[x < NOWHERE], y[y < NOWHERE]
-            width, height = max(width, int(x.max(initial=0)) + 1), max(height, int(y.max(initial=0)) + 1)
+            width, height = max(width, extent_of(x)), max(height, extent_of(y))
         return height, width
 
     def _stored(self, letters: str, first: int, last: int) -> list[NDArray[Any]]:
@@ -122,18 +120,6 @@ class _Reader:
             return self._table.stored(letters, first, min(last, self._table.count))
         except (OSError, RuntimeError) as error:
             raise BadFile(f"{self._path.name} is damaged near event {first:,}: {error}", fix=CUT) from error
-
-
-def _upright(path: Path, stored: tuple[int, int] | None, extent: tuple[int, int]) -> tuple[int, int] | None:
-    """The size that a file tells, its sides swapped, with a warning, where only so it holds the events."""
-    if stored is None or (extent[0] <= stored[0] and extent[1] <= stored[1]):
-        return stored
-    turned = stored[1], stored[0]
-    if extent[0] > turned[0] or extent[1] > turned[1]:
-        return stored
-    text = f"{path.name} tells a sensor of {size_in_words(stored)}, and its events fit only one of"
-    warnings.warn(f"{text} {size_in_words(turned)}: its sides are swapped", EvimoWarning, stacklevel=5)
-    return turned
 
 
 def _offset(path: Path, table: EventTable) -> float:

@@ -44,6 +44,12 @@ def whole_pixels(values: NDArray[Any]) -> NDArray[np.uint16]:
     return np.where(inside, np.rint(np.where(inside, values, 0)), NOWHERE).astype(np.uint16)
 
 
+def extent_of(pixels: NDArray[np.uint16]) -> int:
+    """One more than the largest column or row, but for those outside every sensor; 1 where there is none."""
+    largest = int(pixels.max(initial=0))
+    return (largest if largest < NOWHERE else int(pixels[pixels < NOWHERE].max(initial=0))) + 1
+
+
 def fitting_sensor(extent: tuple[int, int]) -> tuple[int, int]:
     """Return the smallest known sensor that holds so many rows and columns; so many themselves, if none does."""
     height, width = extent
@@ -68,6 +74,18 @@ def assumed_sensor(path: Path, extent: tuple[int, int]) -> tuple[int, int]:
             )
             return known
     raise BadFile(f"{path.name} fits no known sensor: {largest}", fix="give its size with --sensor WxH")
+
+
+def upright(path: Path, stored: tuple[int, int] | None, extent: tuple[int, int]) -> tuple[int, int] | None:
+    """The size that a file tells, its sides swapped, with a warning, where only so it holds the events."""
+    if stored is None or (extent[0] <= stored[0] and extent[1] <= stored[1]):
+        return stored
+    turned = stored[1], stored[0]
+    if extent[0] > turned[0] or extent[1] > turned[1]:
+        return stored
+    text = f"{path.name} tells a sensor of {size_in_words(stored)}, and its events fit only one of"
+    warnings.warn(f"{text} {size_in_words(turned)}: its sides are swapped", EvimoWarning, stacklevel=4)
+    return turned
 
 
 def on_sign(path: Path) -> int:

@@ -12,7 +12,7 @@ from evimo.errors import BadFile
 from evimo.events.events import Events, no_events
 from evimo.formats.clock import Clock, Faults
 from evimo.formats.event_file import refuse_disorder, refuse_strange_times
-from evimo.formats.sensors import NOWHERE
+from evimo.formats.sensors import extent_of
 
 Place = TypeVar("Place")
 LONG_AGO = int(np.iinfo(np.int64).min)
@@ -54,14 +54,8 @@ class Survey(Generic[Place]):
         earliest = int(kept.t.min())
         self.start_us = min(self.start_us, earliest) if self.events else earliest
         self.stop_us = max(self.stop_us, int(kept.t.max()) + 1)
-        self.extent = max(self.extent[0], _extent(kept.y)), max(self.extent[1], _extent(kept.x))
+        self.extent = max(self.extent[0], extent_of(kept.y)), max(self.extent[1], extent_of(kept.x))
         self.events += len(kept)
-
-
-def _extent(side: NDArray[np.uint16]) -> int:
-    """One more than the largest row or column, but for those outside every sensor."""
-    largest = int(side.max())
-    return (largest if largest < NOWHERE else int(side[side < NOWHERE].max(initial=0))) + 1
 
 
 def surveyed(path: Path, blocks: Iterable[tuple[Place, Events]]) -> Survey[Place]:
