@@ -157,3 +157,12 @@ def test_sides_of_an_archive_that_are_swapped_are_turned_and_a_map_of_heights_is
         assert rows(open_events(tmp_path / "a.npz")) == rows([events])
     np.savez(tmp_path / "b.npz", **columns, height=np.zeros(SIZE), width=3)
     assert open_events(tmp_path / "b.npz").sensor == (128, 128)
+
+
+def test_sides_in_a_heading_that_are_swapped_are_turned_but_not_those_of_swapped_columns(tmp_path, events, rows):
+    path = saved(tmp_path / "a.txt", events, "{t} {x} {y} {p}", "48 64\n")
+    with pytest.warns(EvimoWarning, match="fit only one of 64x48: its sides are swapped"):
+        assert rows(open_events(path)) == rows([events])
+    path = saved(tmp_path / "b.txt", events, "{t} {y} {x} {p}", "64 48\n")
+    with pytest.warns(EvimoWarning, match="events outside the 64x48 sensor were dropped"):
+        assert len(rows(open_events(path))) < len(events)

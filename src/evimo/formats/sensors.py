@@ -77,8 +77,11 @@ def assumed_sensor(path: Path, extent: tuple[int, int]) -> tuple[int, int]:
 
 
 def upright(path: Path, stored: tuple[int, int] | None, extent: tuple[int, int]) -> tuple[int, int] | None:
-    """The size that a file tells, its sides swapped, with a warning, where only so it holds the events."""
-    if stored is None or (extent[0] <= stored[0] and extent[1] <= stored[1]):
+    """The size that a file tells, its sides swapped, with a warning, where only so it holds the events.
+
+    Sensors are wider than high: where events fit only one that is higher, it may be their columns that are swapped.
+    """
+    if stored is None or stored[0] <= stored[1] or extent[1] <= stored[1]:
         return stored
     turned = stored[1], stored[0]
     if extent[0] > turned[0] or extent[1] > turned[1]:

@@ -12,7 +12,7 @@ import numpy as np
 from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.event_file import EventFile
-from evimo.formats.sensors import assumed_sensor
+from evimo.formats.sensors import assumed_sensor, upright
 from evimo.formats.survey import Survey, surveyed
 from evimo.formats.text_kernel import BAD, FIRST_BAD, FRACTIONS, ROUNDED, parse_lines
 from evimo.formats.text_layout import Layout, text_layout
@@ -66,7 +66,7 @@ def open_text(
     return EventFile(
         path=path,
         format=f"text (times in {NAMES[layout.unit]}{'' if layout.told else ', guessed'})",
-        sensor=sensor or layout.sensor or assumed_sensor(path, survey.extent),
+        sensor=sensor or upright(path, layout.sensor, survey.extent) or assumed_sensor(path, survey.extent),
         start_us=survey.start_us,
         stop_us=survey.stop_us,
         read=read,
