@@ -33,7 +33,7 @@ def test_beyond_all_sensors_the_user_is_asked():
         assumed_sensor(Path("x.txt"), (721, 10))
 
 
-NUMBERS = ("i1", "i2", "i4", "i8", ">i2", ">i8", "f2", "f4", "f8", ">f4", "g")
+NUMBERS = ("i1", "i2", "i4", "i8", ">i2", ">i8", "f2", ">f2", "f4", "f8", ">f4", "g")
 
 
 @pytest.mark.filterwarnings("error")
