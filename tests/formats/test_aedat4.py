@@ -59,6 +59,11 @@ def test_a_packet_larger_than_most_is_unpacked_whole(tmp_path, events, rows, mon
     assert rows(open_events(write(tmp_path / "a.aedat4", events))) == rows([events])
 
 
+def test_few_events_do_not_keep_room_for_many(tmp_path, events):
+    for packet in open_events(write(tmp_path / "a.aedat4", events)).read(0):
+        assert all(column.base is None for column in (packet.x, packet.y, packet.t, packet.p))
+
+
 def test_the_table_says_what_the_packets_hold(recording, events):
     top = head(recording)
     table = packet_table(recording, top).of(0)

@@ -8,7 +8,7 @@ import pytest
 
 from evimo.events.events import joined
 from evimo.formats import evt3_messages
-from evimo.formats.event_messages import EventPacket, PacketDecoder
+from evimo.formats.event_messages import ArrayDecoder, EventPacket, PacketDecoder
 from evimo.formats.evt3_messages import Evt3Messages
 
 
@@ -78,6 +78,31 @@ def test_a_damaged_libcaer_time_costs_itself():
     packed = b"".join(struct.pack("<II", 1 << 17, low) for low in lows)
     events = PacketDecoder("x").decoded(EventPacket((48, 64), 0, "libcaer", memoryview(packed)))
     assert events.t[[0, 1, 3, 4, 5]].tolist() == [5, 9, 12, 3, 20]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 500])
+@pytest.mark.parametrize("cdr", [False, True])
+@pytest.mark.parametrize("frame", [b"", b"c", b"camera"])
+def test_events_of_arrays_lie_where_their_numbers_are_aligned(count, cdr, frame):
+    """Each field as the middleware puts it, one by one; the message begins at any byte of a chunk."""
+    draw = np.random.default_rng(count)
+    events = draw.integers(0, (65_536, 65_536, 1 << 32, 1_000_000_000, 2), (count, 5))
+    stored = bytearray(b"\0\1\0\0" if cdr else bytes(4))
+    fields = [
+        ("I", 7),
+        ("I", 8),
+        ("I", len(frame)),
+        *(("B", byte) for byte in frame),
+        *(("I", n) for n in (48, 64, count)),
+    ]
+    for form, value in [*fields, *(field for event in events.tolist() for field in zip("HHIIB", event, strict=True))]:
+        stored += bytes(-len(stored) % struct.calcsize(form) if cdr else 0) + struct.pack("<" + form, value)
+    for odd in range(4):
+        message = memoryview(bytes(odd) + stored)[odd:]
+        found = ArrayDecoder(cdr=cdr)(message, 0)
+        assert np.array_equal(np.stack([found.x, found.y], axis=1), events[:, :2])
+        assert np.array_equal(found.t, events[:, 2] * 1_000_000 + (events[:, 3] + 500) // 1000)
+        assert np.array_equal(found.p, 2 * events[:, 4] - 1)
 
 
 def evt3_words(*codes):

@@ -10,6 +10,7 @@ import pytest
 from evimo.events.events import Events, joined
 from evimo.formats.evt2_kernel import decode_evt2, decode_evt21, evt2_state
 from evimo.formats.evt3_kernel import decode_evt3, evt3_state
+from evimo.formats.evt_clock_kernel import clock_words
 
 
 def words(*codes):
@@ -82,6 +83,33 @@ def test_evt3_words_of_all_kinds_are_as_one_by_one(block, far):
         found, lost = Kind(None, decode_evt3, partial(evt3_state, 0), 12).decoded(stream, block=block)
         columns = zip(found.x.tolist(), found.y.tolist(), found.t.tolist(), found.p.tolist(), strict=True)
         assert list(columns) == events and lost == 0
+
+
+def test_evt3_vectors_after_long_without_any_are_as_one_by_one():
+    """Blocks and parts of them that hold no vectors are decoded by other code than those that do."""
+    draw = np.random.default_rng(0)
+    before, (stream, events) = mixed_words(draw, 9_000)[0], mixed_words(draw, 300)
+    before = before[np.isin(before >> 12, (0, 2, 3, 10, 14))]  # no vectors, and the clock stands still
+    whole = np.concatenate([stream[:3], before, words((0, 0)), stream])
+    found, lost = Kind(None, decode_evt3, partial(evt3_state, 0), 12).decoded(whole)
+    columns = zip(found.x.tolist(), found.y.tolist(), found.t.tolist(), found.p.tolist(), strict=True)
+    assert list(columns)[-len(events) :] == events
+    assert (len(found), lost) == (np.count_nonzero(before >> 12 == 2) + len(events), 0)
+
+
+@pytest.mark.parametrize("kind, shift", [(np.uint16, 12), (np.uint32, 28)])
+def test_clock_words_are_found_wherever_they_are(kind, shift):
+    """Alone in a part, several in one, at its borders, in the rest that fills none."""
+    for seed in range(200):
+        draw = np.random.default_rng(seed)
+        words = draw.integers(0, np.iinfo(kind).max, draw.choice([0, 1, 127, 128, 129, 256, 1000, 70_000]), kind)
+        words[words >> shift == 8] ^= kind(1 << shift)
+        chosen = draw.random(len(words)) < draw.choice([0, 0.001, 0.01, 0.5])
+        chosen[127::128] |= draw.random(len(chosen[127::128])) < 0.1
+        words[chosen] = words[chosen] & kind((1 << shift) - 1) | kind(8 << shift)
+        values, places = clock_words(words, kind(shift), kind(8))
+        assert np.array_equal(places, np.flatnonzero(chosen))
+        assert np.array_equal(values, words[chosen] & kind((1 << shift) - 1))
 
 
 def test_evt3_clock_wraps_every_24_bits_and_starts_in_the_expected_round():

@@ -55,6 +55,16 @@ def test_bytes_of_something_else_before_the_first_word_hardly_ever_shift_times(t
     assert right >= 38  # of so short damage every other used to count a round too many
 
 
+def test_few_events_do_not_keep_room_for_as_many_as_there_are_words(tmp_path, kind, encoded, some_events, rows):
+    events = some_events(20, span_us=2_000)
+    words, _ = getattr(encoded, kind)(events)
+    triggers = np.full(10_000, 10 << 8 * words.itemsize - 4, words.dtype)
+    opened = open_events(written(tmp_path / "a.raw", np.concatenate([words, triggers]), new_header(kind)))
+    packets = list(opened.read(0))
+    assert rows(packets) == rows([events])
+    assert all(column.base is None for packet in packets for column in (packet.x, packet.y, packet.t, packet.p))
+
+
 def test_seeking_does_not_begin_at_the_beginning(tmp_path, kind, encoded, some_events, monkeypatch):
     monkeypatch.setattr(word_file, "BLOCK_BYTES", 4096)
     events = some_events(5000)

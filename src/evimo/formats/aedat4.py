@@ -137,8 +137,9 @@ class Together:
         self._count += len(records)
 
     def events(self) -> Events:
-        """All of them."""
-        return Events(*(column[: self._count] for column in self._columns))
+        """All of them; where they are few, who keeps them does not keep the room for many."""
+        few = 2 * self._count < self._most
+        return Events(*(column[: self._count].copy() if few else column[: self._count] for column in self._columns))
 
 
 def _contents(top: Head, table: PacketTable | None) -> dict[str, str]:

@@ -37,7 +37,8 @@ def whole_pixels(values: NDArray[Any]) -> NDArray[np.uint16]:
     """Return whole pixels, rounded; what cannot be one becomes 65535, which is outside every sensor."""
     if values.dtype.kind == "u" and values.dtype.itemsize <= 2:
         return values.astype(np.uint16)
-    values = np.ascontiguousarray(values, np.float32 if values.dtype == np.float16 else None)  # which 65535 overflows
+    small = np.result_type(values.dtype, np.float16) == np.float16  # which 65535 overflows
+    values = np.ascontiguousarray(values, np.float32 if small else None)
     if values.size and values.min() > -0.5 and values.max() < NOWHERE:  # as nearly always
         return (values if values.dtype.kind in "iu" else np.rint(values)).astype(np.uint16)
     inside = (values > -0.5) & (values < NOWHERE)

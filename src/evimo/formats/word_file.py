@@ -19,6 +19,7 @@ from evimo.formats.survey import surveyed
 
 BLOCK_BYTES = 1 << 19  # of the fastest
 LONGEST_BYTES = 1 << 26  # no more is held back for what follows
+FEW_BYTES = 32  # of a block, or more, for each of its events: they are few
 
 Place = tuple[int, NDArray[np.int64]]  # byte offset, and the decoder's state there
 # A compiled decoder of items: x, y, t, p, the number of items used, the events lost. Items that it leaves are given
@@ -56,6 +57,8 @@ class WordFile:
                 items = np.frombuffer(buffer, self.item, count)
                 before, last = state.copy(), not more or count * size >= LONGEST_BYTES
                 *columns, used, lost = self.decode(items, state, last)
+                if len(columns[0]) * FEW_BYTES < filled:  # who keeps them would keep the room for many
+                    columns = [column.copy() for column in columns]
                 yield (offset, before), MarredEvents(*columns, lost=lost + -(-cut // size))
                 if not more:
                     return
