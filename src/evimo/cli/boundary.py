@@ -55,7 +55,7 @@ def _told(error: BaseException, place: Callable[[], object]) -> int:
             return stopped.code
         case RuntimeError() if "can't start new thread" in str(error):
             _say(
-                "error: no more threads may be started\n  try: a higher limit of processes (ulimit -u), or fewer --workers"
+                "error: no more threads may be started\n  try: a higher limit of processes: ulimit -u, or fewer --workers"
             )
         case MemoryError():
             _say("error: not enough memory\n  try: a shorter part, fewer --workers, or a machine with more of it")
