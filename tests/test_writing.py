@@ -141,6 +141,20 @@ def test_a_folder_in_the_way_of_a_file_is_our_error_and_nothing_is_moved(tmp_pat
     assert inside(tmp_path) == ["b.txt"]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are named pipes")
+def test_a_pipe_or_a_device_is_not_replaced(tmp_path):
+    """As root, `--out /dev/null` would leave a file there, which then every process of the machine fills."""
+    os.mkfifo(tmp_path / "b.txt")
+    with pytest.raises(BadInput, match=r"b\.txt: it is a pipe or a device"), new_file(tmp_path / "b.txt"):
+        pass
+    with pytest.raises(BadInput, match=r"b\.txt: it is a pipe or a device"), OutputFolder(tmp_path) as folder:
+        for name in ("a.txt", "b.txt"):
+            folder.path(name).touch()
+        folder.keep()
+    assert inside(tmp_path) == ["b.txt"]
+    assert (tmp_path / "b.txt").is_fifo()
+
+
 def test_folders_that_cannot_be_made_are_our_error(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(BadInput, match=r"cannot write .*file/deeper"), explained(tmp_path / "file" / "deeper"):

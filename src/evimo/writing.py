@@ -106,12 +106,12 @@ class OutputFolder:
         New files replace old ones of the same name. A folder that another process has completed meanwhile stays.
 
         Raises:
-            BadInput: a folder is in the way of a file.
+            BadInput: a folder, a pipe or a device is in the way of a file.
         """
         new = sorted(names) or sorted(path.name for path in self._hidden.iterdir() if path.name != LOCK)
         for name in new:
             if not self.path(name).is_dir():
-                _check_free_of_folders(self.folder / name)
+                _check_replaceable(self.folder / name)
         with explained(self._names, fix=self._fix):
             for name in new:
                 if not (self.folder / name).is_dir():
@@ -136,7 +136,7 @@ def new_file(path: str | Path, *, fix: str = FIX) -> Generator[Path]:
         BadInput: it cannot be written, or the disk is full.
     """
     path = Path(path)
-    _check_free_of_folders(path)
+    _check_replaceable(path)
     with OutputFolder(path.parent, fix=fix, names=path) as outputs:
         yield outputs.path(path.name)
         outputs.keep(path.name)
@@ -246,7 +246,14 @@ def remove_leftovers(folder: Path) -> None:
                 remove(path, lock)
 
 
-def _check_free_of_folders(path: Path) -> None:
+def _check_replaceable(path: Path) -> None:
+    """Make sure that a new file may take the place of what is there: root could replace even `/dev/null`.
+
+    Raises:
+        BadInput: it is no file.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise BadInput(f"cannot write {path}: it is a pipe or a device", fix="the name of a file")
     if path.is_dir():
         raise BadInput(f"cannot write {path}: it is a folder", fix="another name, or remove it")
 

@@ -1,11 +1,13 @@
 import errno
 import os
 import signal
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
 from evimo.cli.boundary import outcome
+from evimo.cli.progress import progress
 from evimo.cli.stopping import Stopped, asked_to_stop
 from evimo.errors import BadFile
 
@@ -38,6 +40,7 @@ def test_a_command_may_return_its_exit_code(value, code):
         (OSError(errno.EIO, "Input/output error"), "cannot use HERE: Input/output error\n  try: look whether the disk"),
         (OSError(errno.EMFILE, "Too many open files", "z"), "Too many open files\n  try: a higher limit"),
         (MemoryError(), "error: not enough memory\n  try: "),
+        (RuntimeError("can't start new thread"), "error: no more threads may be started\n  try: a higher limit"),
     ],
 )
 def test_what_the_user_can_change_is_two_lines_and_exit_code_2(error, words, capsys):
@@ -121,18 +124,34 @@ def test_ctrl_c_without_a_handler_of_ours(capsys):
     assert capsys.readouterr().err == "interrupted\nended by SIGTERM\n"
 
 
-def test_a_signal_inside_compiled_code_ends_a_command_as_others_do(capsys):
-    """Numba's loader is C code that returns although an exception is set; Python then says SystemError, twice over."""
+@pytest.mark.parametrize("error", [SystemError("returned a result with an exception set"), NameError("half imported")])
+def test_whatever_follows_a_signal_is_told_as_the_signal(error, capsys):
+    """Numba's loader is C code that returns although an exception is set; others catch all that is raised in them."""
 
     def loads():
         try:
-            try:
-                raise Stopped(signal.SIGTERM)
-            except Stopped as error:
-                raise SystemError("returned a result with an exception set") from error
-        except SystemError as error:
-            raise SystemError("returned a result with an exception set") from error
+            os.kill(os.getpid(), signal.SIGTERM)
+        except BaseException:
+            raise error from None
 
     assert outcome(loads) == 128 + signal.SIGTERM
     assert capsys.readouterr().err == "ended by SIGTERM\n"
-    assert outcome(fails_with(SystemError("of its own"))) == 1
+    assert outcome(fails_with(error)) == 1
+
+
+def test_a_signal_that_got_lost_is_heard_with_the_next_progress(capsys):
+    def goes_on():
+        with suppress(BaseException):
+            os.kill(os.getpid(), signal.SIGHUP)
+        with progress(10) as advance:
+            advance()
+            raise AssertionError
+
+    def begins_anew():
+        with suppress(BaseException):
+            os.kill(os.getpid(), signal.SIGHUP)
+        with asked_to_stop("slice"):
+            raise AssertionError
+
+    assert outcome(goes_on) == outcome(begins_anew) == 128 + signal.SIGHUP
+    assert "Traceback" not in capsys.readouterr().err

@@ -51,6 +51,7 @@ def median_px(capsys):
         (["calibrate", "missing", "--target", "missing.yaml"], "missing"),
         (["calibrate", "missing"], "no capture"),
         (["calibrate", "missing", "--window", "50"], "impossible times"),
+        (["calibrate", "missing", "--out", ""], "--out is the folder '.'"),
         (["align-room", "missing.yaml", "--out", "room.ply"], "missing.yaml"),
     ],
 )

@@ -89,16 +89,20 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Replaces the networks by the truth; lists the recordings that were run."""
     done: list[Path] = []
 
-    def run(events, *, model, camera, imu):
+    def prepared(events, network, *, camera, imu):
         assert imu == "off"  # unless told otherwise
-        done.append(events.path)
-        return all_knowing(open_recording(events.path))
+        return events.path
+
+    def estimates_of(path):
+        done.append(path)
+        return all_knowing(open_recording(path))
 
     class Network:
         def __init__(self, name):
             self.identity = {"sha256": f"digest of {name}"}
 
-    monkeypatch.setattr("evimo.streaming.evaluating.run", run)
+    monkeypatch.setattr("evimo.streaming.evaluating.Run", prepared)
+    monkeypatch.setattr("evimo.streaming.evaluating.estimates_of", estimates_of)
     monkeypatch.setattr("evimo.streaming.evaluating.model_of", Network)
     return done
 

@@ -6,6 +6,7 @@ from pytest import approx
 
 from evimo.evaluation.columns import BY_NAME
 from evimo.evaluation.labels import LabelledSlice, Residual, labelled
+from evimo.evaluation.pixel_classes import PixelClasses
 from evimo.evaluation.strata import AREAS, RESIDUALS, detection_scores, mover_scores, strata_of
 from evimo.evaluation.tables import header
 from evimo.events.events import Events
@@ -72,7 +73,7 @@ def test_tables_say_what_the_strata_hold():
 
 def test_other_movers_are_left_out_of_the_iou_of_a_stratum(world):
     called = mask((slice(5, 15), slice(20, 30)), SMALL, (slice(36, 40), slice(90, 100)))  # half of 1; 2; 40 static
-    scores = values(mover_scores(called, world))
+    scores = values(mover_scores(called, world, PixelClasses(world).count(called)))
     assert scores["iou_area_3"] == scores["iou_residual_3"] == approx(100 / (200 + 40))
     assert scores["iou_area_1"] == scores["iou_residual_1"] == scores["iou_unfamiliar"] == approx(36 / (36 + 40))
     assert scores["iou_area_0"] == 0

@@ -1,6 +1,9 @@
+import signal
+import sys
 import threading
 import time
 from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -124,30 +127,61 @@ def test_background_fails_on_close_at_the_latest():
         worker.close()
 
 
-def test_what_is_broken_off_while_it_closes_works_on_no_more(monkeypatch):
+@contextmanager
+def ctrl_c_soon():
+    def send():
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer = threading.Timer(0.1, send)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
+@pytest.mark.parametrize("stage", [ahead, lambda items: in_parallel(slow, items, workers=2)])
+def test_a_stage_that_is_closed_has_no_thread_at_work_even_if_that_is_broken_off(stage):
+    def numbers():
+        for k in range(100):
+            slow(k)
+            yield k
+
+    at_work.clear()
+    items = stage(numbers())
+    next(items)
+    with pytest.raises(KeyboardInterrupt), ctrl_c_soon():
+        items.close()
+    assert at_work == []
+
+
+at_work = []
+
+
+def slow(item):
+    at_work.append(item)
+    time.sleep(0.4)
+    at_work.remove(item)
+    return item
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
+def test_what_is_broken_off_while_it_closes_works_on_no_more():
     """A signal may come while the last items are waited for, after which a video is closed below its thread."""
-    begun, done = threading.Event(), []
+    done = []
 
     def work(item):
-        begun.set()
-        time.sleep(0.2)
+        time.sleep(0.3)
         done.append(item)
 
     worker = Background(work, depth=8)
     for item in range(5):
         worker.put(item)
-    begun.wait()
-    signals = [KeyboardInterrupt()]
-    usual = threading.Thread.join
-
-    def join(thread):
-        if signals:
-            raise signals.pop()
-        usual(thread)
-
-    monkeypatch.setattr(threading.Thread, "join", join)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt), ctrl_c_soon():
         worker.close()
     assert done == [0]
-    time.sleep(0.3)
+    time.sleep(0.4)
     assert done == [0]

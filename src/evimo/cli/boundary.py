@@ -37,15 +37,8 @@ def outcome(command: Callable[[], object], *, place: Callable[[], object] = lamb
                 code = command()
                 sys.stdout.flush()
         except BaseException as error:
-            return _told(_signal_behind(error) or error, place)
+            return _told(error, place)
         return code if isinstance(code, int) else 0
-
-
-def _signal_behind(error: BaseException) -> Stopped | None:
-    """The signal that arrived inside compiled code, which passes it on as its own fault; None for other errors."""
-    while isinstance(error, SystemError) and (cause := error.__cause__ or error.__context__) is not None:
-        error = cause
-    return error if isinstance(error, Stopped) else None
 
 
 def _told(error: BaseException, place: Callable[[], object]) -> int:
@@ -60,6 +53,8 @@ def _told(error: BaseException, place: Callable[[], object]) -> int:
             stopped = error if isinstance(error, Stopped) else Stopped()
             _say(str(stopped))
             return stopped.code
+        case RuntimeError() if "can't start new thread" in str(error):
+            _say("error: no more threads may be started\n  try: a higher limit of them (ulimit -u), or fewer --workers")
         case MemoryError():
             _say("error: not enough memory\n  try: a shorter part, fewer --workers, or a machine with more of it")
         case OSError() if (problem := _of_system(error, place)) is not None:

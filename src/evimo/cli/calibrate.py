@@ -53,6 +53,8 @@ def calibrate(
 
     if not 0 <= search <= 10_000 or not 0 < window <= every:
         raise BadInput("impossible times", fix="--search from 0 to 10000, --window above 0 and at most --every, ms")
+    if out is not None and out.is_dir():
+        raise BadInput(f"--out is the folder {str(out)!r}", fix="a file, as in --out calibration.yaml")
     if target is None:
         from evimo.cli.calibrate_by_edges import refine
 

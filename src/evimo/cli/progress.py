@@ -8,6 +8,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Protocol
 
+from evimo.cli.stopping import raise_if_broken_off
+
 EVERY_S = 10.0  # between lines where there is no terminal
 SHORTEST_S = 0.5  # before a rate is worth saying
 NARROW = 60  # columns, below which there is no room for a bar
@@ -55,7 +57,8 @@ class Pace:
         self.done, self._made, self._first_s = 0.0, 0.0, 0.0
 
     def add(self, amount: float, *, made: bool) -> None:
-        """Count finished units."""
+        """Count finished units; here a signal is heard that got lost before."""
+        raise_if_broken_off()
         self.done += amount
         if made and not self._first_s:
             self._first_s = time.perf_counter()

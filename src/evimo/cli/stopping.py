@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
@@ -20,7 +20,7 @@ PAUSE_S = 3.0  # a cleaning up that takes longer can be broken off too
 Handler = Callable[[int, FrameType | None], Any]
 
 
-_broken_off: list[float] = []
+_broken_off: list[tuple[float, int]] = []  # when, and by which signal
 
 
 class Stopped(KeyboardInterrupt):
@@ -54,14 +54,19 @@ class Request:
 
 @contextmanager
 def stopped_by_signals() -> Generator[None]:
-    """Raise `Stopped` where a signal arrives, while the `with` lasts."""
-    _broken_off.clear()
+    """Raise `Stopped` where a signal arrives, while the `with` lasts, and in place of whatever else comes of that."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         _break_off(number)
 
-    with _handled(stop):
-        yield
+    try:
+        with _handled(stop):
+            yield
+    except BaseException:
+        raise_if_broken_off()
+        raise
+    finally:
+        _broken_off.clear()
 
 
 @contextmanager
@@ -70,6 +75,7 @@ def asked_to_stop(unit: str, told: Callable[[], None] = lambda: None) -> Generat
 
     told: called at once with the first.
     """
+    raise_if_broken_off()
     request = Request()
 
     def ask(number: int, frame: FrameType | None) -> None:
@@ -78,17 +84,24 @@ def asked_to_stop(unit: str, told: Callable[[], None] = lambda: None) -> Generat
             return
         request.number = number
         told()
-        print(f"stopping after this {unit}; Ctrl-C again to give up", file=sys.stderr)
+        with suppress(RuntimeError):  # in the middle of another line: Python does not write one in the other
+            print(f"stopping after this {unit}; Ctrl-C again to give up", file=sys.stderr)
 
     with _handled(ask):
         yield request
 
 
+def raise_if_broken_off() -> None:
+    """Raise `Stopped` once more where a signal has broken off the command: some libraries catch whatever is raised."""
+    if _broken_off:
+        raise Stopped(_broken_off[-1][1])
+
+
 def _break_off(number: int) -> None:
     """Raise `Stopped`, unless that has just been done."""
     now_s = time.monotonic()
-    if not _broken_off or now_s - _broken_off[-1] > PAUSE_S:
-        _broken_off.append(now_s)
+    if not _broken_off or now_s - _broken_off[-1][0] > PAUSE_S:
+        _broken_off.append((now_s, number))
         raise Stopped(number)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.evaluation.labels import LabelledSlice
+from evimo.evaluation.pixel_classes import PixelClasses
 from evimo.evaluation.ratios import Scores, added
 from evimo.evaluation.scores import (
     depth_scores,
@@ -52,7 +53,8 @@ def event_density(events: Events, size: tuple[int, int]) -> NDArray[np.float32]:
 def density_scores(sample: LabelledSlice, thresholds: Sequence[float]) -> dict[float, Scores]:
     """Mask scores of "moving is where the event density exceeds the threshold", for each threshold."""
     density = event_density(sample.events, sample.scored.shape)
-    return {threshold: mask_scores(density > threshold, sample) for threshold in thresholds}
+    classes = PixelClasses(sample)
+    return {threshold: mask_scores(density > threshold, sample, classes) for threshold in thresholds}
 
 
 def best_threshold(scores: dict[float, Scores], *, by: str = "iou") -> float:
@@ -93,9 +95,10 @@ def trivial_scores(sample: LabelledSlice) -> dict[str, Scores]:
     """Scores of every answer that looks at no event, by the name of its row."""
     nothing = np.zeros(sample.scored.shape, np.bool_)
     standing = np.zeros((*sample.scored.shape, 3))
+    classes = PixelClasses(sample)
     return {
-        ALL_BACKGROUND: mask_scores(nothing, sample),
-        EVERYTHING: mask_scores(~nothing, sample),
+        ALL_BACKGROUND: mask_scores(nothing, sample, classes),
+        EVERYTHING: mask_scores(~nothing, sample, classes),
         CONSTANT_DEPTH: depth_scores(np.ones(sample.scored.shape), sample),
         ZERO_FLOW: flow_scores(np.zeros((2, *sample.scored.shape)), sample),
         ZERO_TWIST: twist_scores(np.zeros(6), sample, metres=1.0) | object_scores(standing, sample, metres=1.0),

@@ -5,6 +5,7 @@ import numpy as np
 from evimo.evaluation import metrics
 from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice
 from evimo.evaluation.metrics import Floats, Mask
+from evimo.evaluation.pixel_classes import ACTIVE, CLUTTER, MOVING, RESTING, PixelClasses
 from evimo.evaluation.ratios import Score, Scores, added
 from evimo.evaluation.strata import mover_scores
 from evimo.recordings.prediction import Prediction
@@ -13,39 +14,40 @@ AT_REST_M_S = 0.05
 """A camera slower than this is at rest: the direction of its velocity says nothing, and any length of it is noise."""
 
 
-def share(chosen: Mask, among: Mask) -> Score:
-    """Share of the pixels `among` that are `chosen`, pooled."""
-    return Score(int(np.count_nonzero(chosen & among)), int(np.count_nonzero(among)))
-
-
-def mask_scores(predicted: Mask, sample: LabelledSlice) -> Scores:
+def mask_scores(predicted: Mask, sample: LabelledSlice, classes: PixelClasses | None = None) -> Scores:
     """Overlap, recall and false alarms of a motion mask (H, W); only `scored` pixels and their events count.
 
-    An event is called moving where the mask is at its pixel.
+    An event is called moving where the mask is at its pixel. `classes` are the sample's: who scores several masks of it
+    makes them once.
     """
-    called, true = predicted & sample.scored, sample.moving & sample.scored
-    cut, union = metrics.overlap(called, true)
-    area = int(np.count_nonzero(true))
-    still = sample.active & ~true & ~sample.resting
+    classes = classes or PixelClasses(sample)
+    called = predicted & sample.scored
+    found, there = classes.count(called), classes.scored
+
+    def share(what: int = 0, lacking: int = 0) -> Score:
+        return Score(found.having(what, lacking=lacking), there.having(what, lacking=lacking))
+
+    cut, area = found.having(MOVING), there.having(MOVING)
+    union = area + found.having(lacking=MOVING)
     scores = {
         "iou_pooled": Score(cut, union),
-        "recall": share(called, true & sample.active),
-        "recall_dense": share(called, true),
-        "clutter": share(called, still & sample.truth.clutter),
-        "resting": share(called, sample.active & sample.resting),
-        "background": share(called, still & ~sample.truth.clutter),
+        "recall": share(MOVING | ACTIVE),
+        "recall_dense": share(MOVING),
+        "clutter": share(ACTIVE | CLUTTER, lacking=MOVING | RESTING),
+        "resting": share(ACTIVE | RESTING),
+        "background": share(ACTIVE, lacking=MOVING | RESTING | CLUTTER),
     }
     if area > 0:
         scores["iou"] = Score(cut / union, 1)
     if area >= SMALL_AREA_PX:
         scores["iou_30px"] = Score(cut / union, 1)
     if not sample.moving.any():
-        scores["false_alarm_pixels"] = share(called, sample.scored)
-    scores |= mover_scores(called, sample)
-    return scores | event_label_scores(called[sample.events.y, sample.events.x], sample)
+        scores["false_alarm_pixels"] = share()
+    scores |= mover_scores(called, sample, found)
+    return scores | event_label_scores(called[sample.events.y, sample.events.x], sample, classes)
 
 
-def event_label_scores(called: Mask, sample: LabelledSlice) -> Scores:
+def event_label_scores(called: Mask, sample: LabelledSlice, classes: PixelClasses | None = None) -> Scores:
     """Overlap and false alarms of labels of the slice's events, from a mask or from whatever else labels events.
 
     `event_iou` asks what the mask at the slice's centre says of the event's pixel, `event_iou_own` which object the
@@ -53,14 +55,16 @@ def event_label_scores(called: Mask, sample: LabelledSlice) -> Scores:
 
     Args:
         called: (N,), which of `sample.events` are called moving; of labels of all the slice's events, those `kept`.
+        sample: the slice.
+        classes: of the sample, as for `mask_scores`.
     """
-    true = sample.moving[sample.events.y, sample.events.x]
-    cut, union = metrics.overlap(called, true)
+    classes = classes or PixelClasses(sample)
+    cut, union = metrics.overlap(called, classes.true_events)
     scores = {"event_iou": Score(cut, union)}
-    if true.any():
+    if classes.true_events.any():
         scores["event_iou_frames"] = Score(cut / union, 1)
-    if sample.event_ids is not None:
-        scores["event_iou_own"] = Score(*metrics.overlap(called, sample.truth.of_movers(sample.event_ids)))
+    if classes.own_events is not None:
+        scores["event_iou_own"] = Score(*metrics.overlap(called, classes.own_events))
     if not sample.moving.any():
         scores["false_alarm_events"] = Score(int(np.count_nonzero(called)), len(called))
     return scores

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from evimo.evaluation.labels import SMALL_AREA_PX, LabelledSlice, Mover
 from evimo.evaluation.metrics import Mask
+from evimo.evaluation.pixel_classes import MOVING, PixelCounts
 from evimo.evaluation.ratios import Score, Scores, added
 
 RESIDUAL_EDGES_PX = (0.5, 1.0, 2.0, 4.0)
@@ -38,16 +39,16 @@ def strata_of(mover: Mover) -> Iterator[str]:
         yield "familiar" if mover.familiar else "unfamiliar"
 
 
-def mover_scores(called: Mask, sample: LabelledSlice) -> Scores:
+def mover_scores(called: Mask, sample: LabelledSlice, found: PixelCounts) -> Scores:
     """IoU, recall and detection of a mask (H, W) of scored pixels, by stratum; pixels of movers of others are left out.
+
+    found: what its pixels are.
 
     So IoU of a stratum is the mean, over frames with such a mover, of the called pixels on its movers, over those
     plus its missed pixels plus all called pixels on nothing that moves.
     """
-    ids = sample.truth.ids
-    hit = np.bincount(ids[called], minlength=256)
-    hit_active = np.bincount(ids[called & sample.active], minlength=256)
-    false_px = int(np.count_nonzero(called & ~sample.moving))
+    hit, hit_active = found.of_objects()
+    false_px = found.having(lacking=MOVING)
     members: dict[str, list[Mover]] = defaultdict(list)
     for mover in sample.movers:
         for name in strata_of(mover):

@@ -12,7 +12,7 @@ from evimo.compiling import njit
 # have x and y two bytes sooner; a record of CDR_EVENT begins with them.
 EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("seconds", "<u4"), ("nanoseconds", "<u4"), ("polarity", "u1")])
 CDR_SOONER, CDR_STEP = 2, 16
-CDR_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("", "u2"), *((name, EVENT[name]) for name in EVENT.names[2:])])
+CDR_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("", "u2"), *EVENT.descr[2:]])
 MONO = np.dtype([("nanoseconds", "<u4"), ("x", "<u2"), ("y", "<u2")])
 LIBCAER = np.dtype([("packed", "<u4"), ("us", "<u4")])
 LIBCAER_ROUND, LIBCAER_HALF = 1 << 31, 1 << 30  # µs

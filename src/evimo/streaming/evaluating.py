@@ -20,7 +20,7 @@ from evimo.recordings.finding import recordings_in
 from evimo.recordings.prediction import Prediction
 from evimo.recordings.recording import Recording, open_recording
 from evimo.streaming.models import model_of
-from evimo.streaming.pipeline import run
+from evimo.streaming.pipeline import Run, estimates_of
 
 Tick = Callable[[], None]
 Scored = tuple[Prediction | None, LabelledSlice | None]
@@ -63,9 +63,10 @@ def evaluate(
     number_of(density_threshold, "density_threshold", fix="a number, as in 1.5")
     out = None if out is None else path_of(out, "out")
     opened = [open_recording(path) for path in recordings_in(paths_of(recordings, "a recording"), split=split)]
+    network = model_of(model)
     settings: dict[str, str | float] = {
         "model": str(model),
-        **{f"model {key}": value for key, value in model_of(model).identity.items()},
+        **{f"model {key}": value for key, value in network.identity.items()},
         "density threshold": density_threshold,
         "imu": imu,
         "evimo": own_version(),
@@ -78,7 +79,7 @@ def evaluate(
         for known, path, report, facts in zip(opened, kept, reports, told, strict=True):
             if report is None:
                 recording = open_recording(known.path)  # anew: what it maps is given back when it is done
-                estimates = run(recording.events, model=model, camera=recording.camera, imu=imu)
+                estimates = estimates_of(Run(recording.events, network, camera=recording.camera, imu=imu))
                 slices = _ticked(labelled_estimates(recording, estimates), tick)
                 groups = groups_of(recording.meta)
                 scored = score_recording(recording, slices, density_threshold=density_threshold, groups=groups)

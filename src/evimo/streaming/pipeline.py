@@ -80,7 +80,7 @@ def run(
             complete slice; `imu` is neither; `event_labels` of a model that finds no objects.
     """
     recording = _recording(events, sensor, camera)
-    return _estimates(
+    return estimates_of(
         Run(
             recording,
             model_of(model),
@@ -117,7 +117,8 @@ def _loaded(camera: object, recording: EventFile) -> Camera | None:
     return load_camera(Path(camera), size=recording.sensor, topic=recording.topic)
 
 
-def _estimates(prepared: "Run") -> Iterator[Estimate]:
+def estimates_of(prepared: "Run") -> Iterator[Estimate]:
+    """Do a run, and give its estimates one by one."""
     with closing(prepared.slices()) as slices:
         for estimate, _ in slices:
             yield estimate

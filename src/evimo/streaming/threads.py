@@ -1,8 +1,13 @@
-"""Stages of the pipeline in threads of their own, joined by bounded queues: constant memory at any length."""
+"""Stages of the pipeline in threads of their own, joined by bounded queues: constant memory at any length.
+
+A signal may break off any wait. Whatever waits for a thread to end waits once more then: compiled code that still works
+when its memory is given back, or when Python ends, takes the process with it. Waits are for events and futures, since
+`Thread.join`, once broken off, takes a thread for ended that is not, up to Python 3.12.
+"""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from queue import Empty, Full, Queue
 from threading import Event, Thread
@@ -29,7 +34,7 @@ def ahead(items: Iterable[T], *, depth: int = 2) -> Generator[T]:
     `items` in it.
     """
     queue: Queue[T | _End] = Queue(depth)
-    enough = Event()
+    enough, over = Event(), Event()
 
     def fill() -> None:
         failure = None
@@ -44,20 +49,22 @@ def ahead(items: Iterable[T], *, depth: int = 2) -> Generator[T]:
             if isinstance(items, GeneratorType):
                 items.close()
             queue.put(_End(failure))
+            over.set()
 
-    thread = Thread(target=fill, daemon=True)
-    thread.start()
+    def end() -> None:
+        enough.set()
+        while not over.is_set():  # the thread may wait to put: make room until it has seen that it is over
+            with suppress(Empty):
+                queue.get(timeout=PATIENCE_S)
+
+    Thread(target=fill, daemon=True).start()
     try:
         while not isinstance(item := queue.get(), _End):
             yield item
         if item.failure is not None:
             raise item.failure
     finally:
-        enough.set()
-        while thread.is_alive():  # it may wait to put: make room until it has seen that it is over
-            with suppress(Empty):
-                queue.get(timeout=PATIENCE_S)
-        thread.join()
+        _surely(end)
 
 
 def in_parallel(work: Callable[[T], R], items: Generator[T], *, workers: int) -> Generator[R]:
@@ -71,12 +78,24 @@ def in_parallel(work: Callable[[T], R], items: Generator[T], *, workers: int) ->
         for item in items:
             waiting.append(pool.submit(work, item))
             if len(waiting) > workers:
-                yield waiting.popleft().result()
+                yield waiting[0].result()
+                waiting.popleft()
         while waiting:
-            yield waiting.popleft().result()
+            yield waiting[0].result()
+            waiting.popleft()
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.shutdown(wait=False, cancel_futures=True)
+        _surely(lambda: wait([each for each in waiting if not each.cancelled()]))
         items.close()
+
+
+def _surely(end: Callable[[], object]) -> None:
+    """Call it, and once more where a signal breaks it off."""
+    try:
+        end()
+    except BaseException:
+        end()
+        raise
 
 
 class Background(Generic[T]):
@@ -89,7 +108,7 @@ class Background(Generic[T]):
         self._work = work
         self._queue: Queue[T | _End] = Queue(depth)
         self._failure: BaseException | None = None
-        self._enough = Event()
+        self._enough, self._over = Event(), Event()
         self._thread = Thread(target=self._loop, daemon=True)
         self._thread.start()
 
@@ -103,14 +122,14 @@ class Background(Generic[T]):
         However it ends, nothing works on any more: what `work` writes to may be closed.
         """
         try:
-            if self._thread.is_alive():
+            if not self._over.is_set():
                 self._hand_over(_End())
-            self._thread.join()
+            self._over.wait()
         except BaseException:
             self._enough.set()
             with suppress(Full):  # there is something in it that ends the thread as well
                 self._queue.put_nowait(_End())
-            self._thread.join()
+            self._over.wait()
             raise
         self._raise_failure()
 
@@ -132,3 +151,5 @@ class Background(Generic[T]):
                 self._work(item)
         except BaseException as error:  # carried over to the thread that puts
             self._failure = error
+        finally:
+            self._over.set()
