@@ -40,7 +40,7 @@ def test_a_command_may_return_its_exit_code(value, code):
         (OSError(errno.EIO, "Input/output error"), "cannot use HERE: Input/output error\n  try: look whether the disk"),
         (OSError(errno.EMFILE, "Too many open files", "z"), "Too many open files\n  try: a higher limit"),
         (MemoryError(), "error: not enough memory\n  try: "),
-        (RuntimeError("can't start new thread"), "error: no more threads may be started\n  try: a higher limit"),
+        (RuntimeError("can't start new thread"), "error: no more threads may be started\n  try: fewer --workers"),
     ],
 )
 def test_what_the_user_can_change_is_two_lines_and_exit_code_2(error, words, capsys):

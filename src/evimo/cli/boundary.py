@@ -54,7 +54,7 @@ def _told(error: BaseException, place: Callable[[], object]) -> int:
             _say(str(stopped))
             return stopped.code
         case RuntimeError() if "can't start new thread" in str(error):
-            _say("error: no more threads may be started\n  try: a higher limit of them (ulimit -u), or fewer --workers")
+            _say("error: no more threads may be started\n  try: fewer --workers, or a higher limit: ulimit -u")
         case MemoryError():
             _say("error: not enough memory\n  try: a shorter part, fewer --workers, or a machine with more of it")
         case OSError() if (problem := _of_system(error, place)) is not None:
