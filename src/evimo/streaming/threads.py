@@ -57,7 +57,8 @@ def ahead(items: Iterable[T], *, depth: int = 2) -> Generator[T]:
             with suppress(Empty):
                 queue.get(timeout=PATIENCE_S)
 
-    Thread(target=fill, daemon=True).start()
+    thread = Thread(target=fill, daemon=True)
+    thread.start()
     try:
         while not isinstance(item := queue.get(), _End):
             yield item
@@ -65,6 +66,7 @@ def ahead(items: Iterable[T], *, depth: int = 2) -> Generator[T]:
             raise item.failure
     finally:
         _surely(end)
+        thread.join()  # whose work is over
 
 
 def in_parallel(work: Callable[[T], R], items: Generator[T], *, workers: int) -> Generator[R]:
@@ -86,6 +88,7 @@ def in_parallel(work: Callable[[T], R], items: Generator[T], *, workers: int) ->
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         _surely(lambda: wait([each for each in waiting if not each.cancelled()]))
+        pool.shutdown()  # whose threads have nothing left to do
         items.close()
 
 
@@ -131,6 +134,7 @@ class Background(Generic[T]):
                 self._queue.put_nowait(_End())
             self._over.wait()
             raise
+        self._thread.join()
         self._raise_failure()
 
     def _hand_over(self, item: T | _End) -> None:
