@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from evimo.events.events import Events
 from evimo.formats.choosing import MOST_NAMES, chosen_of
 from evimo.formats.columns import check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile
+from evimo.formats.hdf5_file import opened_hdf5
 from evimo.formats.hdf5_tables import EventTable, event_tables, numbers_beside, require_filters, stored_size
 from evimo.formats.sensors import assumed_sensor, extent_of, fitting_sensor, upright, whole_pixels
 from evimo.formats.stored_times import PIECE_EVENTS, PIECES, StoredTimes
@@ -40,7 +40,7 @@ def open_hdf5(
         BadFile: damaged, without events, or compressed with what is not installed. NotFound: no such topic.
     """
     try:
-        file = h5py.File(path, "r")
+        file = opened_hdf5(path)
         tables = event_tables(path, file, columns)
         table = tables[chosen_of(path, [each.name for each in tables], topic)]
         table.require_whole(path)

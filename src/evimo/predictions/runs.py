@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evimo.errors import BadFile
+from evimo.formats.hdf5_file import opened_hdf5
 from evimo.predictions.sources import Predictions, ascending_us, check_size
 from evimo.recordings.prediction import Prediction, velocity_map
 
@@ -40,7 +41,7 @@ def opened_h5(path: Path) -> h5py.File:
         BadFile: it is none, or cut short.
     """
     try:
-        return h5py.File(path, "r")
+        return opened_hdf5(path)
     except OSError as error:
         raise BadFile(f"{path} is no HDF5 file, or damaged", fix=DAMAGED) from error
 

@@ -5,9 +5,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import h5py
-
 from evimo.errors import BadFile
+from evimo.formats.hdf5_file import opened_hdf5
 from evimo.formats.npz_members import Archive
 
 FACTS = "sim_facts"  # in an .npz file
@@ -58,7 +57,7 @@ def _archive_facts(path: Path) -> dict[str, Any]:
 
 def _hdf5_facts(path: Path) -> dict[str, Any]:
     try:
-        with h5py.File(path, "r") as file:
+        with opened_hdf5(path) as file:
             return dict(json.loads(str(file.attrs[MARK])))
     except (ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
         raise BadFile(f"{path} does not tell how it was made", fix=DAMAGED) from error

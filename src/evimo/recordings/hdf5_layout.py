@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from evimo.errors import BadFile
 from evimo.formats.event_file import EventFile, FoundCamera
 from evimo.formats.hdf5 import open_hdf5
+from evimo.formats.hdf5_file import opened_hdf5
 from evimo.geometry.camera import Camera
 from evimo.recordings.facts import DAMAGED, MARK, facts_of
 from evimo.recordings.imu import IMU_ARRAYS
@@ -29,7 +30,7 @@ DAMAGES = (OSError, RuntimeError, KeyError, ValueError, TypeError, zlib.error)
 def is_own_hdf5(path: Path) -> bool:
     """Whether a file is HDF5 that this package wrote with truth in it."""
     try:
-        with h5py.File(path, "r") as file:
+        with opened_hdf5(path) as file:
             return MARK in file.attrs and "truth" in file
     except DAMAGES:
         return False
@@ -84,7 +85,7 @@ def _opened(path: Path) -> Generator[Any]:
         BadFile: a part is missing or damaged.
     """
     try:
-        with h5py.File(path, "r") as file:
+        with opened_hdf5(path) as file:
             yield file
     except DAMAGES as error:
         raise BadFile(f"{path} is damaged: {error}", fix=DAMAGED) from error
