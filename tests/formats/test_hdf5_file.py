@@ -3,6 +3,7 @@
 import struct
 
 import h5py
+import numpy as np
 import pytest
 
 from evimo.formats.hdf5_file import opened_hdf5
@@ -37,3 +38,20 @@ def test_what_is_no_hdf5_is_said_by_the_library(tmp_path, content):
     (tmp_path / "a.h5").write_bytes(content)
     with pytest.raises(OSError, match="open file"):
         opened_hdf5(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("before", [0, 3_000_000])
+@pytest.mark.parametrize("content", [0, 2**64 - 16, 1 << 40])
+def test_a_heap_of_strings_that_would_be_read_for_ever_is_damaged(tmp_path, before, content):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["before"] = np.zeros(before, np.uint8)
+        file.attrs["words"] = ["some", "words of any length"]
+    with opened_hdf5(path) as file:
+        assert list(file.attrs["words"]) == ["some", "words of any length"]
+    raw = bytearray(path.read_bytes())
+    heap = raw.index(b"GCOL")
+    struct.pack_into("<Q", raw, heap + 16 + 24 + 40 + 8, content)  # behind 4 and 19 bytes: the room left
+    path.write_bytes(raw)
+    with pytest.raises(OSError, match="heap of strings is damaged"):
+        opened_hdf5(path)
