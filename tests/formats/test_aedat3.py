@@ -121,3 +121,10 @@ def test_of_several_cameras_one_is_read_and_said(tmp_path, events, rows, late_us
         assert (chosen.topic, chosen.contents["topics"]) == ("2/DVS128", "1/DAVIS240C, 2/DVS128")
     with pytest.raises(NotFound, match="no events --topic 3"):
         open_events(path, topic="3")
+
+
+def test_one_camera_alone_has_a_name_too(tmp_path, events, rows):
+    path = written(tmp_path / "a.aedat", *packets(events), chip="DAVIS240C")
+    assert rows(open_events(path, topic="DAVIS240C")) == rows([events])
+    with pytest.raises(NotFound, match=r"no events --topic 3.*\n.*one of: 1/DAVIS240C"):
+        open_events(path, topic="3")

@@ -31,6 +31,12 @@ def test_a_number_of_the_camera_is_no_polarity(tmp_path, events, rows, form):
     assert rows(open_events(saved(tmp_path / "a.txt", events, form), sensor=SIZE)) == rows([events])
 
 
+@pytest.mark.parametrize("form", ["{t} {x} {y} 1 {p}", "{n} {t} {x} {y} 1 {p} {p}"])
+def test_a_label_behind_events_of_one_polarity_is_none(tmp_path, events, rows, form):
+    bright = Events(events.x, events.y, events.t, np.ones_like(events.p))
+    assert rows(open_events(saved(tmp_path / "a.txt", events, form), sensor=SIZE)) == rows([bright])
+
+
 def test_a_number_of_the_camera_in_an_array_is_no_polarity(tmp_path, events, rows):
     columns = np.stack([np.zeros(len(events)), events.t, events.x, events.y, events.p], axis=1)
     np.savez(tmp_path / "a.npz", events=columns.astype(np.int64))
@@ -88,6 +94,19 @@ def test_decimal_commas_between_commas_are_refused(tmp_path, events, form, words
         open_events(saved(tmp_path / "a.csv", short, form), sensor=SIZE)
 
 
+@pytest.mark.parametrize(
+    ("form", "heading"),
+    [
+        ("{n} {t:09d} {x} {y} {p}", ""),
+        ("{n} {t:09d} {x} {y} {p}", "id t x y p\n"),
+        ("{p} {t:09d} {x} {y} {p}", "label t x y p\n"),
+        ("{sec}.{us:06d} {x} {y} {p} 5", "t_sec x y p duration_usec\n"),
+    ],
+)
+def test_what_stands_beside_times_is_not_always_the_rest_of_them(tmp_path, events, rows, form, heading):
+    assert rows(open_events(saved(tmp_path / "a.txt", events, form, heading), sensor=SIZE)) == rows([events])
+
+
 def test_whole_lines_in_quotes_are_read(tmp_path, events, rows):
     assert rows(open_events(saved(tmp_path / "a.csv", events, '"{t},{x},{y},{p}"'), sensor=SIZE)) == rows([events])
 
@@ -128,9 +147,17 @@ def test_pixels_outside_every_sensor_say_nothing_of_its_size(tmp_path, events, r
 
 @pytest.mark.parametrize(
     "lines",
-    ["# height=48 width=64", "# width: 64\n# height: 48", "width,64\nheight,48\nt,x,y,p", "# Height 48, Width 64"],
+    [
+        *("# height=48 width=64", "# width: 64\n# height: 48", "width,64\nheight,48\nt,x,y,p", "# Height 48, Width 64"),
+        *(
+            "# width 64 height 48 (pixels)",
+            "# in pixels: width=64, height=48",
+            "# 100 events a packet, width 64 height 48",
+        ),
+        *("# pixel size 18 um, width 64, height 48", "# width 64 height 48\n# pixel width 15 pixel_height 15"),
+    ],
 )
-def test_sides_of_the_sensor_are_told_in_any_order(tmp_path, events, lines):
+def test_sides_of_the_sensor_are_told_in_any_order_and_those_of_pixels_are_others(tmp_path, events, lines):
     assert open_events(saved(tmp_path / "a.csv", events, "{t},{x},{y},{p}", lines + "\n")).sensor == SIZE
 
 

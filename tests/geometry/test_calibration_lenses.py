@@ -118,6 +118,22 @@ def test_a_lens_may_be_called_a_type_or_a_model(written, name):
             load_camera(written(json.dumps(tree | {name: other})))
 
 
+@pytest.mark.parametrize("other", ["radtan", "none", "", "pinhole", "DAVIS346"])
+def test_a_lens_that_has_a_name_of_its_own_keeps_it(written, other):
+    tree = {"K": [250.5, 0, 170.25, 0, 251.5, 131.75, 0, 0, 1], "D": LENS, "img_size": [346, 260], "type": other}
+    assert load_camera(written(json.dumps(tree | {"distortion_model": "equidistant"}))) == FISHEYE
+    assert load_camera(written(json.dumps(tree))) == RADTAN
+    with pytest.raises(BadFile, match="unknown lens model"):
+        load_camera(written(json.dumps(tree | {"distortion_model": "radtan", "type": "omni"})))
+
+
+@pytest.mark.parametrize("note", ["cam0.note: good", "cam0.rows: {}", "note.of: cam0"])
+def test_a_dot_in_a_key_hides_no_camera_of_that_name(written, note):
+    numbers = f"  intrinsics: {list(FOCAL)}\n  distortion_coeffs: {list(LENS)}\n"
+    text = f"cam0:\n{numbers}  resolution: [346, 260]\n  distortion_model: radtan\n"
+    assert load_camera(written(f"{note}\n{text}")) == load_camera(written(f"{text}{note}\n")) == RADTAN
+
+
 def test_a_lens_within_the_intrinsics_is_not_left_out(written):
     numbers = dict(zip(("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"), (*FOCAL, *LENS), strict=True))
     assert load_camera(written(json.dumps({"intrinsics": numbers, "resolution": [346, 260]}))) == RADTAN

@@ -127,6 +127,25 @@ def test_background_fails_on_close_at_the_latest():
         worker.close()
 
 
+def test_ahead_ends_though_its_maker_fails_while_it_is_closed():
+    """As a file may that is closed on a disk that is gone."""
+    closed = []
+
+    def numbers():
+        try:
+            yield from range(100)
+        finally:
+            closed.append(True)
+            raise OSError("disk is gone")
+
+    items = ahead(numbers())
+    assert next(items) == 0
+    closing = threading.Thread(target=items.close, daemon=True)
+    closing.start()
+    closing.join(5)
+    assert closed and not closing.is_alive()
+
+
 @contextmanager
 def ctrl_c_soon():
     def send():

@@ -98,7 +98,7 @@ def _surveyed(path: Path, length: int, names: dict[int, str], topic: str | None)
         survey = surveyed(path, _packets(path, length, counts).blocks(start))
     except BadFile as error:  # two clocks side by side are in no order
         problem = error
-    if len(found := counts.cameras()) > 1:
+    if len(found := counts.cameras()) > (1 if topic is None else 0):
         topics = [f"{number}/{names.get(number, '')}".strip("/") for number in found]
         place = chosen_of(path, topics, topic)
         counts = _Counts(found[place], topics[place], topics)

@@ -121,8 +121,9 @@ def refuse_named_parts(path: Path, words: Sequence[str], sample: NDArray[np.floa
     Raises:
         BadFile: it is such a table.
     """
-    ends = {re.split(r"[\s_.]+", word.lower())[-1] for word in words}
-    if ends & SECONDS and ends & PARTS:
+    named = [re.split(r"[\s_.]+", word.lower()) for word in words]
+    seconds, parts = ({tuple(rest) for *rest, unit in named if unit in units} for units in (SECONDS, PARTS))
+    if seconds & parts:  # as in t_sec and t_nsec
         raise BadFile(
             f"{path.name} has its times in two columns, as its heading {' '.join(words)!r} says",
             fix="write them as one number, such as seconds with their decimals; or choose one with --columns",
@@ -139,9 +140,9 @@ def found_columns(path: Path, sample: NDArray[np.float64], shown: str = "") -> s
     """Return the letters of columns from what they hold: rows (N, C) of all parts of the file, in its order.
 
     Polarities are 0 and 1, or -1 and 1; pixels are below 16384, whole if they can be, columns before rows; both go up
-    and down if any such do; times are what pixels cannot be, or do not fall. A first column that counts the rows is
-    left out; of more than four the first four go before others. Where the usual order t x y p is as good as any other,
-    it is taken. `shown` is a row as the file has it, for messages.
+    and down if any such do, but for polarities in the usual order t x y p; times are what pixels cannot be, or do not
+    fall. A first column that counts the rows is left out; of more than four the first four go before others. Where the
+    usual order is as good as any other, it is taken. `shown` is a row as the file has it, for messages.
 
     Raises:
         BadFile: no order fits, or several do.
@@ -235,7 +236,9 @@ def _ranked(sample: NDArray[np.float64], usual: range) -> list[tuple[tuple[bool,
         if x > y or not (facts[p].is_polarity and facts[x].is_pixel and facts[y].is_pixel):
             continue
         letters = "".join({t: "t", x: "x", y: "y", p: "p"}.get(column, "_") for column in range(sample.shape[1]))
-        outer = facts[p].turns, facts[x].turns and facts[y].turns, {t, x, y, p} == set(usual)
+        is_usual = {t, x, y, p} == set(usual)
+        in_order = is_usual and letters.strip("_") == LETTERS  # whose polarities may all be 1, before a label
+        outer = in_order or facts[p].turns, facts[x].turns and facts[y].turns, is_usual
         found.append((outer + _merits(facts, t, x, y) + (letters.replace("_", "") == LETTERS,), letters))
     return sorted(found, reverse=True)
 

@@ -15,7 +15,7 @@ SIZES = (
     rf"\W*{SIDES}\W*$",
 )
 SIDE = re.compile(r"(width|height)\W*(\d{2,5})\b", re.IGNORECASE)
-OTHER_SIDES = re.compile(r"pixel|window|block|packet", re.IGNORECASE)
+OTHER_SIDES = re.compile(r"(pixel|window|block|packet)[\s_-]*(width|height)", re.IGNORECASE)
 
 
 @dataclass(slots=True)

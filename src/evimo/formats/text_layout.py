@@ -89,7 +89,7 @@ def text_layout(source: TextSource, *, unit: TimeUnit | None, columns: str | Non
     order = _order(source.path, heading, columns, sample, " ".join(shown)[:60])
     written = [[row[order.index("t")] for row in rows] for rows in pieces if rows]
     if not columns:
-        _refuse_decimals(source.path, order, written, " ".join(shown)[:60])
+        _refuse_decimals(source.path, order, written, sample)
     _refuse_words(source.path, written)
     refuse_normalised(source.path, *(sample[:, order.index(letter)] for letter in "xy"))
     dotted = dotted or any("." in time for times in written for time in times)
@@ -155,18 +155,22 @@ def _guessed(path: Path, heading: Heading, sample: NDArray[np.float64], shown: s
     return order
 
 
-def _refuse_decimals(path: Path, order: str, written: list[list[str]], shown: str) -> None:
-    """Refuse times that are the decimals of the column before them: those begin with zeros, and are of one length.
+def _refuse_decimals(path: Path, order: str, written: list[list[str]], sample: NDArray[np.float64]) -> None:
+    """Refuse times that are the decimals of the seconds before them: those begin with zeros, and are of one length.
 
     Raises:
-        BadFile: they are.
+        BadFile: they are, as the column before them mostly stands still and never falls.
     """
     times = [time for each in written for time in each]
     lengths, at = {len(time) for time in times}, order.index("t")
     padded = len(lengths) == 1 and min(lengths) > 2 and any(time.isdecimal() and time[0] == "0" for time in times)
-    if padded and at > 0 and order[at - 1] == "_":
+    if not padded or at == 0 or order[at - 1] != "_":
+        return
+    steps = np.diff(sample[:, at - 1])
+    if np.all(steps >= 0) and 2 * np.count_nonzero(steps) <= len(steps):
+        seconds, rest = f"{sample[0, at - 1]:g}", times[0]
         raise BadFile(
-            f"{path.name} has its times in two columns, seconds and what is left of them, as in {shown!r}",
+            f"{path.name} has its times in two columns, seconds and what is left of them, as in {seconds} and {rest}",
             fix="write them as one number, with a decimal point; or choose a column with --columns",
         )
 

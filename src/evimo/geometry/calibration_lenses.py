@@ -84,11 +84,15 @@ def told_lens(where: str, branch: Tree, root: Tree, matrix: Any) -> tuple[Any, A
 
 
 def _model(branch: Tree) -> Any:
-    """The model of a branch's camera, a pinhole's in small letters; None where it tells none."""
+    """The model of a branch's camera, a pinhole's in small letters; None where it tells none.
+
+    Where the lens has a name of its own, a type or the like does not name another that is known.
+    """
     model = first_of(branch, CAMERA_MODELS)
     if model is None:
+        lenses = {name for name, kind in LENSES.items() if kind and first_of(branch, MODELS) is None}
         words = [branch[name] for name in MAYBE_MODELS if isinstance(branch.get(name), str)]
-        model = next((word for word in words if _plain(word) in LENSES.keys() | OTHER_LENSES | set(PINHOLES)), None)
+        model = next((word for word in words if _plain(word) in lenses | OTHER_LENSES | set(PINHOLES)), None)
     return _plain(model) if isinstance(model, str) and _plain(model) in PINHOLES else model
 
 

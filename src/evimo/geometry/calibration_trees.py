@@ -77,12 +77,13 @@ def tree_of(path: Path, text: str) -> Tree:
 
 
 def _undotted(tree: Tree) -> Tree:
-    """Keys such as Camera.fx, ORB-SLAM's, as branches; what its `Camera` says holds for Camera1 and Camera2, too."""
+    """Keys such as Camera.fx, ORB-SLAM's, in branches; what its `Camera` says holds for Camera1 and Camera2, too."""
     branches = dict[str, Tree]()
     for key, value in tree.items():
         head, _, tail = str(key).partition(".")
         if tail:
-            branches.setdefault(head, {})[tail] = value
+            known = tree.get(head, {})
+            branches.setdefault(head, dict(cast("Tree", known)) if isinstance(known, dict) else {})[tail] = value
     shared = branches.get("Camera", {})
     return tree | {head: shared | inner if head.startswith("Camera") else inner for head, inner in branches.items()}
 

@@ -8,7 +8,7 @@ when its memory is given back, or when Python ends, takes the process with it. W
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import closing, nullcontext, suppress
 from queue import Empty, Full, Queue
 from threading import Event, Thread
 from types import GeneratorType
@@ -39,17 +39,15 @@ def ahead(items: Iterable[T], *, depth: int = 2) -> Generator[T]:
     def fill() -> None:
         failure = None
         try:
-            for item in items:
-                queue.put(item)
-                if enough.is_set():
-                    break
+            with closing(items) if isinstance(items, GeneratorType) else nullcontext():
+                for item in items:
+                    queue.put(item)
+                    if enough.is_set():
+                        break
         except BaseException as error:  # carried over to the thread that reads
             failure = error
-        finally:
-            if isinstance(items, GeneratorType):
-                items.close()
-            queue.put(_End(failure))
-            over.set()
+        queue.put(_End(failure))
+        over.set()
 
     def end() -> None:
         enough.set()
