@@ -10,7 +10,7 @@ import numpy as np
 
 from evimo.errors import BadFile
 from evimo.events.events import Events
-from evimo.formats.choosing import chosen_of
+from evimo.formats.choosing import chosen_of, listed
 from evimo.formats.event_file import EventFile
 from evimo.formats.event_record_kernel import ALL, KINDS, SOURCES, UNKNOWN, decode_aedat3
 from evimo.formats.sensors import assumed_sensor
@@ -74,7 +74,7 @@ class _Counts:
         self.kinds = np.zeros(KINDS, np.int64)
         self.sources = np.append(np.zeros(SOURCES, np.int64), source)
         self.source, self.topic = source, topic
-        self.topics = {"topics": ", ".join(topics)} if topics else {}
+        self.topics = {"topics": listed(topics)} if topics else {}
 
     def cameras(self) -> list[int]:
         """The numbers of those that have events, the most first."""

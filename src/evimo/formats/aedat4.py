@@ -14,7 +14,7 @@ from evimo.errors import BadFile, EvimoWarning
 from evimo.events.events import Events
 from evimo.formats.aedat4_gyroscope import packet_gyroscope
 from evimo.formats.aedat4_packets import Head, PacketTable, head, packet_records, packet_table, walked
-from evimo.formats.choosing import chosen_of
+from evimo.formats.choosing import chosen_of, listed
 from evimo.formats.event_file import EventFile
 from evimo.formats.event_record_kernel import decode_aedat4
 from evimo.formats.survey import Survey, no_events_in, surveyed
@@ -56,7 +56,7 @@ def open_aedat4(path: Path, sensor: tuple[int, int] | None = None, *, topic: str
         stop_us=survey.stop_us,
         read=read,
         read_gyroscope=lambda: packet_gyroscope(path, top, table, stream),
-        contents=_contents(top, table) | ({"topics": ", ".join(names.values())} if len(names) > 1 else {}),
+        contents=_contents(top, table) | ({"topics": listed(list(names.values()))} if len(names) > 1 else {}),
         topic=names[stream] if len(names) > 1 else "",
     )
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evimo.errors import BadFile
 from evimo.events.events import Events
-from evimo.formats.choosing import MOST_NAMES, chosen_of
+from evimo.formats.choosing import chosen_of, listed
 from evimo.formats.columns import check_pixels, check_polarities, signs
 from evimo.formats.event_file import EventFile
 from evimo.formats.hdf5_file import opened_hdf5
@@ -58,7 +58,7 @@ def open_hdf5(
         start_us=reader.times.start_us,
         stop_us=reader.times.stop_us,
         read=reader.packets,
-        contents={"topics": ", ".join(f"{each.name} ({each.count:,} events)" for each in tables[:MOST_NAMES])},
+        contents={"topics": listed([f"{each.name} ({each.count:,} events)" for each in tables])},
         topic=table.name if len(tables) > 1 else "",
     )
 
