@@ -146,6 +146,29 @@ def test_ahead_ends_though_its_maker_fails_while_it_is_closed():
     assert closed and not closing.is_alive()
 
 
+def test_background_closes_though_its_thread_is_not_quite_over_when_it_fails(monkeypatch):
+    begin = threading.Event()
+
+    def work(item):
+        begin.wait(5)
+        raise OSError("disk full")
+
+    worker = Background(work, depth=1)
+    over = worker._over.set
+    monkeypatch.setattr(worker._over, "set", lambda: (time.sleep(0.5), over()))
+    worker.put(1)
+    worker.put(2)
+    begin.set()
+    with pytest.raises(OSError, match="disk full"):
+        for _ in range(100):
+            worker.put(3)
+            time.sleep(0.01)
+    closing = threading.Thread(target=worker.close, daemon=True)
+    closing.start()
+    closing.join(5)
+    assert not closing.is_alive()
+
+
 @contextmanager
 def ctrl_c_soon():
     def send():

@@ -136,11 +136,12 @@ class Background(Generic[T]):
         self._raise_failure()
 
     def _hand_over(self, item: T | _End) -> None:
-        while True:
-            self._raise_failure()
+        self._raise_failure()
+        while not self._over.is_set():  # its failure may have been raised before, with the queue still full
             with suppress(Full):
                 self._queue.put(item, timeout=PATIENCE_S * 10)
                 return
+        self._raise_failure()
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
