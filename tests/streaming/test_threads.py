@@ -127,6 +127,36 @@ def test_background_fails_on_close_at_the_latest():
         worker.close()
 
 
+def test_ahead_that_is_broken_off_while_its_thread_begins_makes_no_more(monkeypatch):
+    closed = threading.Event()
+
+    def numbers():
+        try:
+            yield from range(100)
+        finally:
+            closed.set()
+
+    begin = threading.Thread.start
+
+    def broken_off(thread):
+        begin(thread)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threading.Thread, "start", broken_off)
+    with pytest.raises(KeyboardInterrupt):
+        next(ahead(numbers()))
+    assert closed.wait(5)
+
+
+def test_ahead_ends_where_no_more_threads_may_be_started(monkeypatch):
+    def refused(thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refused)
+    with pytest.raises(RuntimeError, match="can't start"):
+        next(ahead(iter(range(5))))
+
+
 def test_ahead_ends_though_its_maker_fails_while_it_is_closed():
     """As a file may that is closed on a disk that is gone."""
     closed = []

@@ -51,20 +51,22 @@ def ahead(items: Iterable[T], *, depth: int = 2) -> Generator[T]:
 
     def end() -> None:
         enough.set()
-        while not over.is_set():  # the thread may wait to put: make room until it has seen that it is over
+        # The thread, if it has begun, may wait to put: make room until it has seen that it is over.
+        while thread.ident is not None and not over.is_set():
             with suppress(Empty):
                 queue.get(timeout=PATIENCE_S)
 
     thread = Thread(target=fill, daemon=True)
-    thread.start()
     try:
+        thread.start()
         while not isinstance(item := queue.get(), _End):
             yield item
         if item.failure is not None:
             raise item.failure
     finally:
         _surely(end)
-        thread.join()  # whose work is over
+        if over.is_set():
+            thread.join()  # whose work is over
 
 
 def in_parallel(work: Callable[[T], R], items: Generator[T], *, workers: int) -> Generator[R]:
