@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,19 +92,12 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 
     def prepared(events, network, *, camera, imu):
         assert imu == "off"  # unless told otherwise
-        return events.path
+        done.append(events.path)
+        return all_knowing(open_recording(events.path))
 
-    def estimates_of(path):
-        done.append(path)
-        return all_knowing(open_recording(path))
-
-    class Network:
-        def __init__(self, name):
-            self.identity = {"sha256": f"digest of {name}"}
-
-    monkeypatch.setattr("evimo.streaming.evaluating.Run", prepared)
-    monkeypatch.setattr("evimo.streaming.evaluating.estimates_of", estimates_of)
-    monkeypatch.setattr("evimo.streaming.evaluating.model_of", Network)
+    fakes = {"Run": prepared, "estimates_of": iter, "model_of": lambda name: SimpleNamespace(identity={"sha256": name})}
+    for name, fake in fakes.items():
+        monkeypatch.setattr(f"evimo.streaming.evaluating.{name}", fake)
     return done
 
 
@@ -246,8 +240,8 @@ def test_a_folder_without_recordings_is_one_error(tmp_path, capsys):
 def test_a_model_that_is_not_there_is_one_error(recordings, capsys):
     assert main(["evaluate", str(recordings), "--model", "nowhere.onnx"]) == 2
     assert "no model 'nowhere.onnx'" in capsys.readouterr().err
-    for how in ([], ["--without-truth"]):  # as of a variable that a script forgot to set
-        assert main(["evaluate", str(recordings), *how, "--model", ""]) == 2
+    forgotten = ["evaluate", str(recordings), "--model", ""]  # as of a variable that a script did not set
+    assert main(forgotten) == main([*forgotten, "--without-truth"]) == 2
 
 
 def test_the_classical_method_is_named_by_its_parameters_and_needs_no_weights(
