@@ -195,3 +195,17 @@ def test_one_that_ends_while_another_begins_is_in_nobodys_way(server, tmp_path, 
     (tmp_path / ".eval_box_npz.tar.gz.fetching").mkdir()
     assert fetched(server, tmp_path) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["SHA256SUMS", "eval_box_npz.tar.gz"]
+
+
+def test_a_signal_before_the_hidden_folder_is_locked_leaves_none(server, tmp_path, monkeypatch):
+    usual, signals = downloading.locked, [True]
+
+    def locked(folder, *, unsure):
+        if signals:
+            signals.pop()
+            raise KeyboardInterrupt
+        return usual(folder, unsure=unsure)
+
+    monkeypatch.setattr(downloading, "locked", locked)
+    assert fetched(server, tmp_path) == 130
+    assert not list(tmp_path.iterdir())

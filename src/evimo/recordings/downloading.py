@@ -98,8 +98,9 @@ def fetch(archive: DatasetArchive, folder: Path, progress: Callable[[int], objec
             or another process fetches the same archive.
     """
     fetching = folder / f".{archive.file}.fetching"
-    lock = _lock_of(archive, fetching)
+    lock: BinaryIO | None = None
     try:
+        lock = _lock_of(archive, fetching)
         target = folder / archive.file
         if target.exists():
             progress(target.stat().st_size)
@@ -108,7 +109,11 @@ def fetch(archive: DatasetArchive, folder: Path, progress: Callable[[int], objec
         _check_sum(target)
         return target
     finally:
-        remove(fetching, lock)
+        if lock is None:  # a signal came as it was made, or another process has it
+            with suppress(OSError):
+                lock = locked(fetching, unsure=False)
+        if lock is not None:
+            remove(fetching, lock)
 
 
 def _lock_of(archive: DatasetArchive, fetching: Path) -> BinaryIO:
