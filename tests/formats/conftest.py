@@ -42,11 +42,6 @@ def _rows():
     return rows
 
 
-@pytest.fixture(name="some_events")
-def _some_events():
-    return some_events
-
-
 @pytest.fixture(scope="session")
 def encoded():
     """The functions of evt_encoders.py, which pack Prophesee's words."""
